@@ -1,0 +1,162 @@
+"""The filter's settings: every number of it, validated, read from TOML.
+
+An unknown key, a wrong type or a value out of range is an :class:`InputError` that names file, key and what is allowed.
+"""
+
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from pfslam_viz.errors import InputError
+from pfslam_viz.robot import Robot
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class MotionConfig(_Section):
+    """Noise of the motion model, (18) and (19)."""
+
+    model: Literal["additive", "scaled"] = Field("additive", description="additive: the paper's; scaled: with motion")
+    variance: tuple[NonNegative, NonNegative, NonNegative] = Field(
+        (0.001, 0.001, 0.001), description="additive: variance of x, y (m²) and heading (rad²) per scan, (39)"
+    )
+
+
+class ObservationConfig(_Section):
+    """How a scan is compared with the map."""
+
+    model: Literal["correlation", "likelihood_field"] = "correlation"
+    perturbation: bool = Field(False, description="correlation: best of the offsets below, IV-E-1")
+    perturbation_cells: int = Field(1, ge=0, le=5)
+    perturbation_angle: float = Field(0.02, ge=0, le=0.5, description="rad")
+    max_range: Positive | None = Field(None, description="m; beams longer than this are not used")
+    max_beams: int | None = Field(None, ge=1, description="thin a scan to at most this many beams")
+
+
+class MapConfig(_Section):
+    """The occupancy grid, (20) to (29)."""
+
+    cell: float = Field(0.07, ge=0.005, le=1.0, description="m")
+    log_odds_hit: Positive = 1.3862943611198906
+    log_odds_miss: Positive = 1.3862943611198906
+    log_odds_bound: Positive = 100.0
+    threshold: float = Field(0.0, allow_inf_nan=False, description="(29): above it a cell is occupied")
+
+
+class ResamplingConfig(_Section):
+    """When and how particles are drawn anew, (30) to (32)."""
+
+    policy: Literal["always", "n_eff"] = "always"
+    threshold: float = Field(0.5, gt=0, le=1, description="n_eff: resample when N_eff < threshold x N")
+    scheme: Literal["multinomial", "systematic", "stratified", "residual"] = "systematic"
+
+
+class TextureConfig(_Section):
+    """The floor texture map, section K."""
+
+    enabled: bool = True
+    floor_tolerance: Positive = Field(0.05, description="m; a point within this height of z = 0 is floor")
+    max_range: Positive = Field(4.0, description="m ahead of the camera")
+
+
+class Config(_Section):
+    """Everything the filter needs to know besides the recording."""
+
+    name: str = "default"
+    backend: Literal["single_map", "rao_blackwellized"] = "single_map"
+    particles: int = Field(500, ge=1, le=100_000)
+    seed: int = Field(0, ge=0)
+    motion: MotionConfig = MotionConfig()
+    observation: ObservationConfig = ObservationConfig()
+    map: MapConfig = MapConfig()
+    resampling: ResamplingConfig = ResamplingConfig()
+    texture: TextureConfig = TextureConfig()
+
+
+def configs_dir() -> Path:
+    """The folder of shipped TOML files: inside an installed wheel, or the checkout's ``configs/``."""
+    package = Path(__file__).resolve().parent
+    shipped = package / "_configs"
+    return shipped if shipped.is_dir() else package.parent / "configs"
+
+
+def find_config(name_or_path: str | Path, kind: str = "configuration", folder: Path | None = None) -> Path:
+    """The file that a shipped name (``paper``) or a path stands for."""
+    folder = folder or configs_dir()
+    path = Path(name_or_path)
+    if path.suffix == ".toml" or len(path.parts) > 1:
+        if path.is_file():
+            return path
+        raise InputError(f"{path}: no such {kind} file")
+    shipped = folder / f"{path}.toml"
+    if shipped.is_file():
+        return shipped
+    known = ", ".join(sorted(p.stem for p in folder.glob("*.toml")))
+    raise InputError(f"no {kind} is called '{path}'; there are {known}, or give the path of a .toml file")
+
+
+def load_config(name_or_path: str | Path = "default", settings: Iterable[str] = ()) -> Config:
+    """Read a configuration and apply ``section.key=value`` settings (values in TOML; bare words are strings)."""
+    path = find_config(name_or_path)
+    values = _read_toml(path)
+    values.setdefault("name", path.stem)
+    for setting in settings:
+        _apply(values, setting)
+    return _validate(Config, values, path)
+
+
+def load_robot(name_or_path: str | Path = "ece276a") -> Robot:
+    """Read a robot file: a shipped name from ``configs/robots`` or a path."""
+    path = find_config(name_or_path, "robot", configs_dir() / "robots")
+    return _validate(Robot, _read_toml(path), path)
+
+
+def _read_toml(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not valid TOML: {error}") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def _apply(values: dict[str, Any], setting: str) -> None:
+    key, equals, text = setting.partition("=")
+    parts = key.strip().split(".")
+    if not equals or not all(parts):
+        raise InputError(f"--set {setting}: write it as section.key=value, such as map.cell=0.05")
+    try:
+        value = tomllib.loads(f"v = {text.strip()}")["v"]
+    except tomllib.TOMLDecodeError:
+        value = text.strip()
+    table = values
+    for part in parts[:-1]:
+        table = table.setdefault(part, {})
+        if not isinstance(table, dict):
+            raise InputError(f"--set {setting}: {part} is not a section")
+    table[parts[-1]] = value
+
+
+def _validate[Model: BaseModel](model: type[Model], values: dict[str, Any], path: Path) -> Model:
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        raise InputError(f"{path}: " + "; ".join(_explain(model, e) for e in error.errors())) from None
+
+
+def _explain(model: type[BaseModel], error: Any) -> str:
+    key = ".".join(str(part) for part in error["loc"])
+    if error["type"] == "extra_forbidden":
+        section: Any = model
+        for part in error["loc"][:-1]:
+            section = section.model_fields[part].annotation
+        return f"unknown key '{key}'; allowed here: {', '.join(section.model_fields)}"
+    return f"'{key}' = {error['input']!r}: {error['msg'][0].lower()}{error['msg'][1:]}"

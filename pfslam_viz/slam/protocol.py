@@ -1,0 +1,121 @@
+"""What replay asks of a SLAM back end, and what it answers: the two filters are interchangeable behind this."""
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pfslam_viz.slam.occupancy_grid import OccupancyGrid
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Scan:
+    """One lidar scan, cut to its usable beams.
+
+    ``points`` (m, 2) float64 are the end points in the robot's frame, m, (22) with the lidar's place on the robot;
+    ``origin`` (2,) is the lidar there. ``index`` and ``stamp`` (s) are the recording's.
+    """
+
+    index: int
+    stamp: float
+    points: Array
+    origin: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """What matching the scan against the map changed.
+
+    ``correction`` (3,) m, m, rad in the robot's frame, from the odometry's pose to the matched one; ``score`` in
+    [0, 1], the mean agreement of end points with the map; ``degenerate`` (2,) is the unit direction in the world that
+    the scan leaves open (a bare corridor's axis), or None.
+    """
+
+    correction: Array
+    score: float
+    degenerate: Array | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class LoopClosure:
+    """Two scans that were recognised as the same place: their indices, and their positions (2,) m in the world."""
+
+    earlier: int
+    later: int
+    earlier_position: Array
+    later_position: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A back end's belief after one scan.
+
+    Attributes:
+        particles: (N, 3) poses, before resampling where it happened (those that the weights belong to).
+        weights: (N,) summing to 1.
+        best: (3,) the most likely particle, "mode" in section I.
+        mean: (3,) E(x), (33), heading by the circular mean.
+        covariance: (3, 3) of the particles about the mean.
+        n_eff: (30).
+        resampled: whether particles were drawn anew after this scan.
+        informative: False when every correlation was zero, so that the weights stayed as they were.
+        parents: (N,) the index of the particle in the previous step that each particle came from.
+        match: what scan matching changed, if the back end matches.
+        map_updated: whether the grid changed.
+        closures: loops closed at this scan.
+        history: (k, 3) the best particle's whole trajectory as known now, when it is more than ``best`` appended.
+    """
+
+    particles: Array
+    weights: Array
+    best: Array
+    mean: Array
+    covariance: Array
+    n_eff: float
+    resampled: bool
+    informative: bool
+    parents: NDArray[np.intp]
+    match: Match | None = None
+    map_updated: bool = True
+    closures: tuple[LoopClosure, ...] = field(default_factory=tuple)
+    history: Array | None = None
+
+
+class Slam(Protocol):
+    """Algorithm 1 of the paper, as four calls a scan and one at the end."""
+
+    @property
+    def grid(self) -> OccupancyGrid:
+        """The map as known now: a live view, not a copy."""
+        ...
+
+    def predict(self, increment: Array, dt: float) -> None:
+        """Move the particles by the odometry ``increment`` (3,) of ``dt`` s, with noise: (13), (17) to (19)."""
+        ...
+
+    def update(self, scan: Scan) -> None:
+        """Weigh the particles by how well the scan fits the map: (15), (26), (27)."""
+        ...
+
+    def update_map(self, scan: Scan) -> None:
+        """Write the scan into the map: (28), (29)."""
+        ...
+
+    def resample(self) -> None:
+        """Draw the particles anew if it is time: (30) to (32)."""
+        ...
+
+    def estimate(self) -> Estimate:
+        """The belief after the scan."""
+        ...
+
+    def trajectory(self) -> Array:
+        """(n, 3) the whole trajectory as known now, a pose for every scan so far."""
+        ...
+
+    def finish(self) -> None:
+        """All scans are in: settle what can be settled in hindsight. The grid and the trajectory may change."""
+        ...
