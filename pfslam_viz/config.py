@@ -6,12 +6,14 @@ An unknown key, a wrong type or a value out of range is an :class:`InputError` t
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from pfslam_viz.errors import InputError
 from pfslam_viz.robot import Robot
+
+Model = TypeVar("Model", bound=BaseModel)
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -26,7 +28,9 @@ class MotionConfig(_Section):
 
     model: Literal["additive", "scaled"] = Field("additive", description="additive: the paper's; scaled: with motion")
     variance: tuple[NonNegative, NonNegative, NonNegative] = Field(
-        (0.001, 0.001, 0.001), description="additive: variance of x, y (m²) and heading (rad²) per scan, (39)"
+        (0.001, 0.001, 0.001),
+        strict=False,
+        description="additive: variance of x, y (m²) and heading (rad²) per scan, (39)",
     )
 
 
@@ -145,7 +149,7 @@ def _apply(values: dict[str, Any], setting: str) -> None:
     table[parts[-1]] = value
 
 
-def _validate[Model: BaseModel](model: type[Model], values: dict[str, Any], path: Path) -> Model:
+def _validate(model: type[Model], values: dict[str, Any], path: Path) -> Model:
     try:
         return model.model_validate(values)
     except ValidationError as error:
