@@ -2,16 +2,23 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pfslam_viz import geometry
 from pfslam_viz.config import Config
 from pfslam_viz.recordings.recording import Recording
+from pfslam_viz.slam.observation import ScanReader
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
+from pfslam_viz.slam.particle_filter import ParticleFilter
+from pfslam_viz.slam.protocol import Slam
 from pfslam_viz.step import Step
 
 Array = NDArray[np.float64]
+
+PHASES = ("predict", "update", "map", "resample", "dead_reckoning", "texture")
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,12 +57,105 @@ class Result:
 
 
 class Replay:
-    """Iterate over it for the Steps; then ask it for the Result."""
+    """Runs the filter over a recording: iterate over it for the Steps, then ask for the :meth:`result`."""
 
-    def __init__(self, recording: Recording, config: Config) -> None: ...
+    def __init__(self, recording: Recording, config: Config) -> None:
+        self.recording = recording
+        self.config = config
+        self.slam = make_slam(config)
+        self.dead_reckoning_grid = OccupancyGrid(config.map)
+        self.truth = _truth_from_start(recording)
+        self._dead_reckoning = recording.dead_reckoning()
+        self._online = np.zeros((len(recording), 3))
+        self._seconds = {phase: np.zeros(len(recording)) for phase in PHASES}
+        self._done = self._resamplings = self._uninformative = 0
 
-    def __iter__(self) -> Iterator[Step]: ...
+    def __iter__(self) -> Iterator[Step]:
+        recording, slam = self.recording, self.slam
+        reader = ScanReader.of(recording.lidar, self.config.observation)
+        times = recording.times
+        for k in range(self._done, len(recording)):
+            clock = _Clock(self._seconds, k)
+            scan = reader.read(k, float(recording.stamps[k]), recording.ranges[k])
+            if k > 0:  # the first scan is at the origin
+                slam.predict(recording.odometry[k], float(times[k] - times[k - 1]))
+            clock.lap("predict")
+            slam.update(scan)
+            best = slam.estimate().best
+            end_points, hits = slam.grid.project(best, scan.points)
+            clock.lap("update")
+            slam.update_map(scan)
+            clock.lap("map")
+            slam.resample()
+            estimate = slam.estimate()
+            clock.lap("resample")
+            pose = self._dead_reckoning[k]
+            reckoned, _ = self.dead_reckoning_grid.project(pose, scan.points)
+            self.dead_reckoning_grid.add(pose, scan.points, scan.origin)
+            clock.lap("dead_reckoning")
+            self._online[k] = estimate.best
+            self._resamplings += estimate.resampled
+            self._uninformative += not estimate.informative
+            self._done = k + 1
+            yield Step(
+                index=k,
+                stamp=scan.stamp,
+                time=float(times[k]),
+                estimate=estimate,
+                dead_reckoning=pose,
+                end_points=end_points,
+                hits=hits,
+                dead_reckoning_end_points=reckoned,
+                grid=slam.grid,
+                dead_reckoning_grid=self.dead_reckoning_grid,
+                texture=None,
+                color_frame=None,
+                disparity_frame=None,
+                truth=None if self.truth is None else self.truth[k],
+                seconds={phase: float(self._seconds[phase][k]) for phase in PHASES},
+            )
+        slam.finish()
 
     def result(self) -> Result:
         """The Result after the iteration, or of what was done so far."""
-        ...
+        n = self._done
+        return Result(
+            recording=self.recording,
+            config=self.config,
+            stamps=self.recording.stamps[:n],
+            estimate=self.slam.trajectory(),
+            online=self._online[:n],
+            dead_reckoning=self._dead_reckoning[:n],
+            truth=None if self.truth is None else self.truth[:n],
+            grid=self.slam.grid,
+            dead_reckoning_grid=self.dead_reckoning_grid,
+            seconds={phase: values[:n] for phase, values in self._seconds.items()},
+            resamplings=self._resamplings,
+            uninformative=self._uninformative,
+            interrupted=n < len(self.recording),
+        )
+
+
+def make_slam(config: Config) -> Slam:
+    """The back end that the configuration names."""
+    return ParticleFilter(config)
+
+
+def _truth_from_start(recording: Recording) -> Array | None:
+    """True poses (n, 3) at the scans, in the frame of the first one."""
+    if recording.truth is None:
+        return None
+    poses = recording.truth.at(recording.stamps)
+    return geometry.between(poses[0], poses)
+
+
+class _Clock:
+    """Writes what each phase of one scan took."""
+
+    def __init__(self, seconds: dict[str, Array], scan: int) -> None:
+        self._seconds, self._scan, self._last = seconds, scan, perf_counter()
+
+    def lap(self, phase: str) -> None:
+        now = perf_counter()
+        self._seconds[phase][self._scan] = now - self._last
+        self._last = now

@@ -1,0 +1,405 @@
+"""The command line: what each command is called and which options it takes. What they do is in ``commands/``.
+
+Nothing heavy is imported here, so that ``--help`` answers at once: a command imports its module when it runs.
+"""
+
+import sys
+import traceback
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Optional
+
+import typer
+
+from pfslam_viz import __version__
+from pfslam_viz.errors import PfslamError
+
+PROGRAM = "pfslam-viz"
+
+# Panels of --help.
+SINKS, FILTER, SCANS, DETAIL, OTHER = "Where it goes", "The filter", "The recording", "Size and detail", "Other"
+
+app = typer.Typer(
+    name=PROGRAM,
+    help="Interactive replay of particle-filter SLAM in the Rerun viewer.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def examples(*lines: str) -> str:
+    """An epilog with one example a line."""
+    return "\n\n".join(["[bold]Examples[/bold]", *(f"  {PROGRAM} {line}" for line in lines)])
+
+
+RecordingArg = Annotated[
+    str, typer.Argument(metavar="RECORDING", help="A name, such as demo, 21 or intel, or the path of a file or folder.")
+]
+DataOpt = Annotated[
+    Optional[Path],
+    typer.Option(
+        "--data",
+        metavar="DIR",
+        help="Where recordings are looked up by name.  [dim]$PFSLAM_RECORDINGS, else recordings/[/dim]",
+        rich_help_panel=SCANS,
+    ),
+]
+RobotOpt = Annotated[
+    str,
+    typer.Option("--robot", metavar="NAME|PATH", help="Robot file of an ECE276A set.", rich_help_panel=SCANS),
+]
+StartOpt = Annotated[int, typer.Option("--start", min=0, help="First scan.", rich_help_panel=SCANS)]
+StopOpt = Annotated[
+    Optional[int], typer.Option("--stop", min=1, help="Scan to stop before.", rich_help_panel=SCANS)
+]
+StrideOpt = Annotated[int, typer.Option("--stride", min=1, help="Use every K-th scan.", rich_help_panel=SCANS)]
+ConfigOpt = Annotated[
+    Optional[str],
+    typer.Option(
+        "--config",
+        metavar="NAME|PATH",
+        help="A shipped configuration or a TOML file.  [dim]default; carmen for CARMEN logs[/dim]",
+        rich_help_panel=FILTER,
+    ),
+]
+ConfigsOpt = Annotated[
+    Optional[list[str]],
+    typer.Option(
+        "--config",
+        metavar="NAME|PATH[,KEY=VALUE]",
+        help="A configuration, with settings of its own if wished: paper,particles=50. Repeatable.",
+        rich_help_panel=FILTER,
+    ),
+]
+SetOpt = Annotated[
+    Optional[list[str]],
+    typer.Option(
+        "--set", metavar="SECTION.KEY=VALUE", help="Change one setting. Repeatable.", rich_help_panel=FILTER
+    ),
+]
+ParticlesOpt = Annotated[
+    Optional[int], typer.Option("--particles", min=1, help="Number of particles.", rich_help_panel=FILTER)
+]
+SeedOpt = Annotated[
+    Optional[int], typer.Option("--seed", min=0, help="Seed of the random numbers.", rich_help_panel=FILTER)
+]
+SaveOpt = Annotated[
+    Optional[Path], typer.Option("--save", metavar="PATH", help="Write a .rrd file.", rich_help_panel=SINKS)
+]
+SpawnOpt = Annotated[bool, typer.Option("--spawn", help="Open the viewer and watch live.", rich_help_panel=SINKS)]
+ServeOpt = Annotated[
+    bool, typer.Option("--serve", help="Let viewers connect, on this machine.", rich_help_panel=SINKS)
+]
+BindOpt = Annotated[
+    str,
+    typer.Option(
+        "--bind", metavar="ADDRESS", help="Address that --serve listens on.", rich_help_panel=SINKS, show_default=True
+    ),
+]
+ConnectOpt = Annotated[
+    Optional[str],
+    typer.Option(
+        "--connect",
+        metavar="URL",
+        help="Send to a viewer that runs already: rerun+http://127.0.0.1:9876/proxy",
+        rich_help_panel=SINKS,
+    ),
+]
+StdoutOpt = Annotated[
+    bool, typer.Option("--stdout", help="Write the .rrd to standard output.", rich_help_panel=SINKS)
+]
+MapEveryOpt = Annotated[
+    Optional[int],
+    typer.Option(
+        "--map-every",
+        min=1,
+        help="Log the maps every K scans.  [dim]about 200 maps a recording[/dim]",
+        rich_help_panel=DETAIL,
+    ),
+]
+MaxParticlesOpt = Annotated[
+    Optional[int], typer.Option("--max-particles", min=1, help="Log at most so many.", rich_help_panel=DETAIL)
+]
+MaxBeamsOpt = Annotated[
+    Optional[int], typer.Option("--max-beams", min=1, help="Log at most so many end points.", rich_help_panel=DETAIL)
+]
+QuietOpt = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no summary.")]
+JsonOpt = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+
+
+def _show_version(value: bool) -> None:
+    if value:
+        typer.echo(f"{PROGRAM} {__version__}")
+        raise typer.Exit()
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version.")
+    ] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+) -> None:
+    """Interactive replay of particle-filter SLAM in the Rerun viewer."""
+
+
+@app.command(
+    epilog=examples(
+        "replay demo --save demo.rrd",
+        "replay 21 --config paper --particles 100",
+        "replay corridor.clf --spawn --save corridor.rrd",
+        "replay 21 --export results/",
+    ),
+)
+def replay(
+    recording: RecordingArg,
+    save: SaveOpt = None,
+    spawn: SpawnOpt = False,
+    serve: ServeOpt = False,
+    bind: BindOpt = "127.0.0.1",
+    connect: ConnectOpt = None,
+    stdout: StdoutOpt = False,
+    export: Annotated[
+        Optional[Path],
+        typer.Option(
+            "--export", metavar="DIR", help="Write trajectories, map and metrics as files.", rich_help_panel=SINKS
+        ),
+    ] = None,
+    config: ConfigOpt = None,
+    settings: SetOpt = None,
+    particles: ParticlesOpt = None,
+    seed: SeedOpt = None,
+    data: DataOpt = None,
+    robot: RobotOpt = "ece276a",
+    start: StartOpt = 0,
+    stop: StopOpt = None,
+    stride: StrideOpt = 1,
+    map_every: MapEveryOpt = None,
+    max_particles: MaxParticlesOpt = None,
+    max_beams: MaxBeamsOpt = None,
+    quiet: QuietOpt = False,
+) -> None:
+    """Run the filter over a recording and stream every step to Rerun.
+
+    Without a place to send it to, the viewer is opened.
+    """
+    from pfslam_viz.commands import replay as command
+    from pfslam_viz.commands.choices import ConfigChoice, DetailChoice, RecordingChoice, SinkChoice
+
+    command.run(
+        RecordingChoice(recording, data, robot, start, stop, stride),
+        ConfigChoice(config, tuple(settings or ()), particles, seed),
+        SinkChoice(save, spawn, serve, bind, connect, stdout),
+        DetailChoice(map_every, max_particles, max_beams),
+        export,
+        quiet,
+    )
+
+
+@app.command(epilog=examples("recordings", "recordings --data ~/slam --json"))
+def recordings(data: DataOpt = None, json: JsonOpt = False) -> None:
+    """List the recordings that have a name: what they are, and whether they are here."""
+    from pfslam_viz.commands import recordings as command
+
+    command.run_list(data, json)
+
+
+@app.command(epilog=examples("info 21", "info log.clf --json"))
+def info(recording: RecordingArg, data: DataOpt = None, robot: RobotOpt = "ece276a", json: JsonOpt = False) -> None:
+    """Say what is inside a recording: sensors, rates, spans, gaps, and what is wrong with it."""
+    from pfslam_viz.commands import recordings as command
+
+    command.run_info(recording, data, robot, json)
+
+
+@app.command(epilog=examples("fetch 21", "fetch 21 --rgbd --every 4", "fetch intel --data ~/slam"))
+def fetch(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="20, 21, 23, intel, fr079, aces or mit-csail.")],
+    data: DataOpt = None,
+    rgbd: Annotated[bool, typer.Option("--rgbd", help="The camera's frames too, about 1 GB a set.")] = False,
+    every: Annotated[int, typer.Option("--every", min=1, metavar="K", help="With --rgbd: every K-th frame.")] = 1,
+    base_url: Annotated[
+        Optional[str], typer.Option("--base-url", metavar="URL", help="Take the files from a mirror.")
+    ] = None,
+    connections: Annotated[int, typer.Option("--connections", min=1, max=16, help="Downloads at a time.")] = 4,
+    quiet: QuietOpt = False,
+) -> None:
+    """Download a public recording and check it against a pinned hash."""
+    from pfslam_viz.commands import recordings as command
+
+    command.run_fetch(name, data, rgbd, every, base_url, connections, quiet)
+
+
+@app.command(epilog=examples("simulate recordings/office --seed 3", "simulate ring --building ring --duration 90"))
+def simulate(
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder to write, in the ECE276A layout.")],
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Same seed, same bytes.")] = 0,
+    duration: Annotated[float, typer.Option("--duration", min=2.0, metavar="SECONDS", help="How long it drives.")] = 50.0,
+    building: Annotated[str, typer.Option("--building", metavar="NAME", help="Which building.")] = "demo",
+    frames: Annotated[bool, typer.Option("--frames/--no-frames", help="Render the camera's frames.")] = True,
+    wheel_scale: Annotated[
+        float, typer.Option("--wheel-scale", min=0.5, max=1.5, help="Measured ÷ true wheel path: 1.03 is 3 % off.")
+    ] = 1.0,
+) -> None:
+    """Make a recording with known truth: a robot drives through a simulated building."""
+    from pfslam_viz.commands import simulate as command
+
+    command.run(out, seed, duration, building, frames, wheel_scale)
+
+
+@app.command(epilog=examples("evaluate demo", "evaluate intel --seeds 5 --json", "evaluate 21 --config my.toml"))
+def evaluate(
+    recording: RecordingArg,
+    config: ConfigsOpt = None,
+    settings: SetOpt = None,
+    particles: ParticlesOpt = None,
+    seeds: Annotated[
+        int, typer.Option("--seeds", min=1, max=100, help="Runs of each configuration.", rich_help_panel=FILTER)
+    ] = 1,
+    paper: Annotated[
+        bool, typer.Option("--paper/--no-paper", help="Run the paper's filter beside it.", rich_help_panel=FILTER)
+    ] = True,
+    data: DataOpt = None,
+    robot: RobotOpt = "ece276a",
+    start: StartOpt = 0,
+    stop: StopOpt = None,
+    stride: StrideOpt = 1,
+    json: JsonOpt = False,
+    quiet: QuietOpt = False,
+) -> None:
+    """Run and score: error against truth or relations if there are any, else the map's quality; and times."""
+    from pfslam_viz.commands import evaluate as command
+    from pfslam_viz.commands.choices import ConfigChoice, RecordingChoice
+
+    command.run(
+        RecordingChoice(recording, data, robot, start, stop, stride),
+        [ConfigChoice.parse(text, tuple(settings or ()), particles) for text in config or [None]],
+        seeds,
+        paper,
+        json,
+        quiet,
+    )
+
+
+@app.command(
+    epilog=examples(
+        "compare 21 --config paper --config default --save compared.rrd",
+        "compare demo --config paper,particles=50 --config paper --spawn",
+    ),
+)
+def compare(
+    recording: RecordingArg,
+    config: ConfigsOpt = None,
+    settings: SetOpt = None,
+    particles: ParticlesOpt = None,
+    seed: SeedOpt = None,
+    save: SaveOpt = None,
+    spawn: SpawnOpt = False,
+    serve: ServeOpt = False,
+    bind: BindOpt = "127.0.0.1",
+    connect: ConnectOpt = None,
+    stdout: StdoutOpt = False,
+    data: DataOpt = None,
+    robot: RobotOpt = "ece276a",
+    start: StartOpt = 0,
+    stop: StopOpt = None,
+    stride: StrideOpt = 1,
+    map_every: MapEveryOpt = None,
+    max_particles: MaxParticlesOpt = None,
+    max_beams: MaxBeamsOpt = None,
+    quiet: QuietOpt = False,
+) -> None:
+    """Replay one recording under two or more configurations, side by side in one file."""
+    from pfslam_viz.commands import compare as command
+    from pfslam_viz.commands.choices import ConfigChoice, DetailChoice, RecordingChoice, SinkChoice
+
+    command.run(
+        RecordingChoice(recording, data, robot, start, stop, stride),
+        [ConfigChoice.parse(text, tuple(settings or ()), particles, seed) for text in config or ()],
+        SinkChoice(save, spawn, serve, bind, connect, stdout),
+        DetailChoice(map_every, max_particles, max_beams),
+        quiet,
+    )
+
+
+@app.command(epilog=examples("figures 21 figures/", "figures demo figures/ --every 250 --config paper"))
+def figures(
+    recording: RecordingArg,
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder for the pictures and their index.html.")],
+    every: Annotated[int, typer.Option("--every", min=1, metavar="K", help="Scans between pictures over time.")] = 500,
+    config: ConfigOpt = None,
+    settings: SetOpt = None,
+    particles: ParticlesOpt = None,
+    seed: SeedOpt = None,
+    data: DataOpt = None,
+    robot: RobotOpt = "ece276a",
+    start: StartOpt = 0,
+    stop: StopOpt = None,
+    stride: StrideOpt = 1,
+    quiet: QuietOpt = False,
+) -> None:
+    """Write the paper's figures as PNG, with an index.html that shows them in its order."""
+    from pfslam_viz.commands import figures as command
+    from pfslam_viz.commands.choices import ConfigChoice, RecordingChoice
+
+    command.run(
+        RecordingChoice(recording, data, robot, start, stop, stride),
+        ConfigChoice(config, tuple(settings or ()), particles, seed),
+        out,
+        every,
+        quiet,
+    )
+
+
+def call(arguments: Sequence[str]) -> int:
+    """Run one command line and return its exit status; errors become one line on stderr."""
+    before, rest = _until_double_dash(arguments)
+    debug = "--debug" in before  # accepted anywhere, also after the command
+    given = [argument for argument in before if argument != "--debug"] + rest
+    try:
+        status = app(given, prog_name=PROGRAM, standalone_mode=False)
+    except KeyboardInterrupt:
+        status, message = 130, "interrupted"
+    except Exception as error:
+        if debug:
+            traceback.print_exc()
+        status, message = _explain(error, debug)
+    else:
+        status = status if isinstance(status, int) else 0
+        message = "interrupted" if status == 130 else None
+    if message:
+        print(f"{PROGRAM}: {' '.join(message.split())}", file=sys.stderr)
+    return status
+
+
+def _until_double_dash(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
+    at = list(arguments).index("--") if "--" in arguments else len(arguments)
+    return list(arguments[:at]), list(arguments[at:])
+
+
+def _explain(error: Exception, debug: bool) -> tuple[int, str | None]:
+    """Exit status and message of an error that ended a command."""
+    if isinstance(error, PfslamError):
+        return error.exit_status, str(error)
+    if isinstance(error, typer.Abort):
+        return 130, "interrupted"
+    describe: Any = getattr(error, "format_message", None)  # typer's own: wrong use
+    if describe is not None:
+        context = getattr(error, "ctx", None)
+        path = context.command_path if context is not None else PROGRAM
+        return 2, f"{describe()} (see {path} --help)" if describe() else None
+    if isinstance(error, OSError) and error.strerror:
+        name = f"{error.filename}: " if error.filename else ""
+        return 1, f"{name}{error.strerror}"
+    if isinstance(error, MemoryError):
+        return 1, "out of memory"
+    hint = "" if debug else "; --debug shows where"
+    return 1, f"{type(error).__name__}: {error}{hint}"
+
+
+def main() -> None:
+    """Entry point. Exit status: 0 done, 1 failed while running, 2 wrong use or input, 130 interrupted."""
+    sys.exit(call(sys.argv[1:]))

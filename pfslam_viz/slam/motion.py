@@ -1,0 +1,32 @@
+"""The probabilistic motion model: equations (13) and (17) to (19)."""
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from pfslam_viz import geometry
+from pfslam_viz.config import MotionConfig
+
+Array = NDArray[np.float64]
+
+
+def differential_drive(distance: Array | float, rotation: Array | float) -> Array:
+    """The increment (..., 3) that (17) makes of v tau = ``distance`` (m) and omega tau = ``rotation`` (rad).
+
+    In the frame of the pose before: distance * sinc(rotation / 2) along heading rotation / 2, sinc(x) = sin(x) / x.
+    """
+    d, half = np.broadcast_arrays(np.asarray(distance, np.float64), np.asarray(rotation, np.float64) / 2.0)
+    chord = d * np.sinc(half / np.pi)  # numpy.sinc(x) is sin(pi x) / (pi x)
+    return np.stack([chord * np.cos(half), chord * np.sin(half), 2.0 * half], axis=-1)
+
+
+def predict(particles: Array, increment: Array, config: MotionConfig, rng: Generator) -> Array:
+    """Particles (N, 3) after the odometry ``increment`` (3,), each with noise of its own, (13).
+
+    ``additive`` is (18) with w ~ N(0, diag(variance)), in the world's frame whatever the motion was.
+    """
+    moved = geometry.compose(particles, increment)
+    noise = rng.standard_normal(particles.shape) * np.sqrt(config.variance)
+    moved += noise
+    moved[:, 2] = geometry.wrap(moved[:, 2])
+    return moved

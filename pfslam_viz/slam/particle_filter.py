@@ -1,0 +1,87 @@
+"""The paper's filter: N poses, one map."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pfslam_viz import geometry
+from pfslam_viz.config import Config
+from pfslam_viz.slam import motion, resampling
+from pfslam_viz.slam.observation import correlation
+from pfslam_viz.slam.occupancy_grid import OccupancyGrid
+from pfslam_viz.slam.protocol import Estimate, Scan
+
+Array = NDArray[np.float64]
+
+
+class ParticleFilter:
+    """Algorithm 1: particles (N, 3) that share one occupancy grid, which the most likely of them draws.
+
+    Everything starts at the origin; the first scan, which has no map to be compared with, draws the first map.
+    """
+
+    def __init__(self, config: Config) -> None:
+        self.config = config
+        self.grid = OccupancyGrid(config.map)
+        self._rng = np.random.default_rng(config.seed)
+        self._particles = np.zeros((config.particles, 3))
+        self._weights = np.full(config.particles, 1.0 / config.particles)
+        self._weighed = (self._particles, self._weights)
+        self._parents = self._drawn = np.arange(config.particles)
+        self._informative = self._resampled = False
+        self._online: list[Array] = []
+
+    def predict(self, increment: Array, dt: float) -> None:
+        """Move every particle by the odometry, with noise of its own: (13), (17) to (19)."""
+        self._particles = motion.predict(self._particles, increment, self.config.motion, self._rng)
+
+    def update(self, scan: Scan) -> None:
+        """Multiply every weight by the correlation of the scan with the map: (26), (27)."""
+        likelihood = correlation(self.grid, self._particles, scan.points, self.config.observation)
+        posterior = self._weights * likelihood
+        total = posterior.sum()
+        self._informative = bool(total > 0)
+        if self._informative:
+            self._weights = posterior / total
+        self._weighed = (self._particles, self._weights)
+        self._parents = self._drawn
+        self._online.append(self._best())
+
+    def update_map(self, scan: Scan) -> None:
+        """The most likely particle writes the scan into the map: (28), (29)."""
+        self.grid.add(self._best(), scan.points, scan.origin)
+
+    def resample(self) -> None:
+        """Draw N particles anew if the policy says so: (30) to (32)."""
+        n = len(self._weights)
+        self._resampled = resampling.is_due(self._weights, self.config.resampling)
+        self._drawn = np.arange(n)
+        if self._resampled:
+            self._drawn = resampling.SCHEMES[self.config.resampling.scheme](self._weights, self._rng)
+            self._particles = self._particles[self._drawn]
+            self._weights = np.full(n, 1.0 / n)
+
+    def estimate(self) -> Estimate:
+        """The belief after the scan, from the particles as they were weighed (before resampling)."""
+        particles, weights = self._weighed
+        return Estimate(
+            particles=particles,
+            weights=weights,
+            best=self._best(),
+            mean=geometry.mean_pose(particles, weights),
+            covariance=geometry.pose_covariance(particles, weights),
+            n_eff=resampling.effective_number(weights),
+            resampled=self._resampled,
+            informative=self._informative,
+            parents=self._parents,
+        )
+
+    def trajectory(self) -> Array:
+        """(n, 3) the best particle at every scan: one map keeps no other history."""
+        return np.array(self._online).reshape(-1, 3)
+
+    def finish(self) -> None:
+        """Nothing is settled in hindsight."""
+
+    def _best(self) -> Array:
+        particles, weights = self._weighed
+        return particles[int(np.argmax(weights))]
