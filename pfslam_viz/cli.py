@@ -17,7 +17,8 @@ from pfslam_viz.errors import PfslamError
 PROGRAM = "pfslam-viz"
 
 # Panels of --help.
-SINKS, FILTER, SCANS, DETAIL, OTHER = "Where it goes", "The filter", "The recording", "Size and detail", "Other"
+SINKS, FILTER, SCANS, DETAIL = "Where it goes", "The filter", "The recording", "Size and detail"
+RUN, JUDGE, RECORDINGS = "Replay", "Judge", "Recordings"
 
 app = typer.Typer(
     name=PROGRAM,
@@ -146,8 +147,7 @@ def options(
     """Interactive replay of particle-filter SLAM in the Rerun viewer."""
 
 
-@app.command(
-    epilog=examples(
+@app.command(rich_help_panel=RUN, epilog=examples(
         "replay demo --save demo.rrd",
         "replay 21 --config paper --particles 100",
         "replay corridor.clf --spawn --save corridor.rrd",
@@ -199,7 +199,7 @@ def replay(
     )
 
 
-@app.command(epilog=examples("recordings", "recordings --data ~/slam --json"))
+@app.command(rich_help_panel=RECORDINGS, epilog=examples("recordings", "recordings --data ~/slam --json"))
 def recordings(data: DataOpt = None, json: JsonOpt = False) -> None:
     """List the recordings that have a name: what they are, and whether they are here."""
     from pfslam_viz.commands import recordings as command
@@ -207,7 +207,7 @@ def recordings(data: DataOpt = None, json: JsonOpt = False) -> None:
     command.run_list(data, json)
 
 
-@app.command(epilog=examples("info 21", "info log.clf --json"))
+@app.command(rich_help_panel=RECORDINGS, epilog=examples("info 21", "info log.clf --json"))
 def info(recording: RecordingArg, data: DataOpt = None, robot: RobotOpt = "ece276a", json: JsonOpt = False) -> None:
     """Say what is inside a recording: sensors, rates, spans, gaps, and what is wrong with it."""
     from pfslam_viz.commands import recordings as command
@@ -215,7 +215,7 @@ def info(recording: RecordingArg, data: DataOpt = None, robot: RobotOpt = "ece27
     command.run_info(recording, data, robot, json)
 
 
-@app.command(epilog=examples("fetch 21", "fetch 21 --rgbd --every 4", "fetch intel --data ~/slam"))
+@app.command(rich_help_panel=RECORDINGS, epilog=examples("fetch 21", "fetch 21 --rgbd --every 4", "fetch intel --data ~/slam"))
 def fetch(
     name: Annotated[str, typer.Argument(metavar="NAME", help="20, 21, 23, intel, fr079, aces or mit-csail.")],
     data: DataOpt = None,
@@ -233,7 +233,7 @@ def fetch(
     command.run_fetch(name, data, rgbd, every, base_url, connections, quiet)
 
 
-@app.command(epilog=examples("simulate recordings/office --seed 3", "simulate ring --building ring --duration 90"))
+@app.command(rich_help_panel=RECORDINGS, epilog=examples("simulate recordings/office --seed 3", "simulate ring --building ring --duration 90"))
 def simulate(
     out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder to write, in the ECE276A layout.")],
     seed: Annotated[int, typer.Option("--seed", min=0, help="Same seed, same bytes.")] = 0,
@@ -250,7 +250,7 @@ def simulate(
     command.run(out, seed, duration, building, frames, wheel_scale)
 
 
-@app.command(epilog=examples("evaluate demo", "evaluate intel --seeds 5 --json", "evaluate 21 --config my.toml"))
+@app.command(rich_help_panel=JUDGE, epilog=examples("evaluate demo", "evaluate intel --seeds 5 --json", "evaluate 21 --config my.toml"))
 def evaluate(
     recording: RecordingArg,
     config: ConfigsOpt = None,
@@ -284,8 +284,7 @@ def evaluate(
     )
 
 
-@app.command(
-    epilog=examples(
+@app.command(rich_help_panel=RUN, epilog=examples(
         "compare 21 --config paper --config default --save compared.rrd",
         "compare demo --config paper,particles=50 --config paper --spawn",
     ),
@@ -325,7 +324,7 @@ def compare(
     )
 
 
-@app.command(epilog=examples("figures 21 figures/", "figures demo figures/ --every 250 --config paper"))
+@app.command(rich_help_panel=JUDGE, epilog=examples("figures 21 figures/", "figures demo figures/ --every 250 --config paper"))
 def figures(
     recording: RecordingArg,
     out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder for the pictures and their index.html.")],

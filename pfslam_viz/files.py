@@ -30,3 +30,22 @@ def replaced(path: Path) -> Iterator[Path]:
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def check_writable(path: Path, folder: bool = False) -> None:
+    """Raise InputError now when ``path`` could not be written later; ``folder`` when it is to be a folder of files.
+
+    Tries it out with a temporary file in the folder, or in the nearest one above it that exists.
+    """
+    if not folder and path.is_dir():
+        raise InputError(f"{path}: is a folder; name the file to write")
+    existing = path if folder else path.parent
+    while not existing.exists() and existing != existing.parent:
+        existing = existing.parent
+    if not existing.is_dir():
+        raise InputError(f"{path}: cannot be written: {existing} is not a folder")
+    try:
+        with tempfile.NamedTemporaryFile(dir=existing, prefix=".pfslam-"):
+            pass
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from None

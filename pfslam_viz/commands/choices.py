@@ -1,0 +1,151 @@
+"""What the user chose on the command line, as values, and how each choice becomes the thing itself."""
+
+import os
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pfslam_viz.config import Config, configs_dir, load_config
+from pfslam_viz.errors import InputError
+from pfslam_viz.files import check_writable
+
+if TYPE_CHECKING:
+    from pfslam_viz.recordings.recording import Recording
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingChoice:
+    """RECORDING, ``--data``, ``--robot`` and the scans ``start:stop:stride``."""
+
+    name: str
+    data: Path | None = None
+    robot: str = "ece276a"
+    start: int = 0
+    stop: int | None = None
+    stride: int = 1
+
+    def load(self) -> "Recording":
+        """The recording, cut to the chosen scans. Raises InputError when there is none, or no scan is left."""
+        from pfslam_viz.recordings.catalog import load_recording
+
+        recording = load_recording(self.name, self.data, self.robot)
+        if (self.start, self.stop, self.stride) == (0, None, 1):
+            return recording
+        selected = recording.select(self.start, self.stop, self.stride) if self.start < len(recording) else None
+        if selected is None or len(selected) == 0:
+            raise InputError(
+                f"no scan is left of {self.name}: it has {len(recording)}, and --start {self.start}"
+                f"{'' if self.stop is None else f' --stop {self.stop}'} was asked for"
+            )
+        return selected
+
+
+@dataclass(frozen=True, slots=True)
+class ConfigChoice:
+    """``--config`` with ``--set``, ``--particles`` and ``--seed``; ``name`` None leaves it to the recording."""
+
+    name: str | None = None
+    settings: tuple[str, ...] = ()
+    particles: int | None = None
+    seed: int | None = None
+    label: str | None = None
+
+    @classmethod
+    def parse(
+        cls, text: str | None, settings: tuple[str, ...] = (), particles: int | None = None, seed: int | None = None
+    ) -> "ConfigChoice":
+        """From ``NAME|PATH[,KEY=VALUE...]``; what stands in the text wins over the arguments beside it."""
+        if text is None:
+            return cls(None, settings, particles, seed)
+        name, *own = re.split(r",(?![^\[]*\])", text)  # commas outside brackets
+        keys = {setting.partition("=")[0].strip() for setting in own}
+        return cls(
+            name,
+            (*settings, *own),
+            None if "particles" in keys else particles,
+            None if "seed" in keys else seed,
+            text if own else None,
+        )
+
+    def load(self, recording_format: str = "") -> Config:
+        """The configuration; ``recording_format`` picks the default one where the user named none."""
+        overrides = {"particles": self.particles, "seed": self.seed}
+        settings = [*self.settings, *(f"{key}={value}" for key, value in overrides.items() if value is not None)]
+        if self.label is not None:
+            settings.append(f"name='{self.label}'")
+        return load_config(self.name or default_config_name(recording_format), settings)
+
+
+def default_config_name(recording_format: str) -> str:
+    """``carmen`` for CARMEN logs where such a configuration is shipped, else ``default``."""
+    own = recording_format == "carmen" and (configs_dir() / "carmen.toml").is_file()
+    return "carmen" if own else "default"
+
+
+@dataclass(frozen=True, slots=True)
+class DetailChoice:
+    """How much is logged; None leaves it to the stream's budgets."""
+
+    map_every: int | None = None
+    max_particles: int | None = None
+    max_beams: int | None = None
+
+    def options(self) -> Any:
+        """The viewer's StreamOptions, with its own defaults for what was not chosen."""
+        from pfslam_viz.viewer.stream import StreamOptions
+
+        chosen = {
+            "map_every": self.map_every,
+            "max_particles": self.max_particles,
+            "max_beams": self.max_beams,
+        }
+        return StreamOptions(**{name: value for name, value in chosen.items() if value is not None})
+
+
+@dataclass(frozen=True, slots=True)
+class SinkChoice:
+    """Where the Rerun data goes."""
+
+    save: Path | None = None
+    spawn: bool = False
+    serve: bool = False
+    bind: str = "127.0.0.1"
+    connect: str | None = None
+    stdout: bool = False
+
+    @property
+    def any(self) -> bool:
+        """Whether there is a place to send it to."""
+        return bool(self.save or self.spawn or self.serve or self.connect or self.stdout)
+
+    def or_viewer(self) -> "SinkChoice":
+        """Itself, or the viewer where nothing was chosen. Raises InputError when there is no screen for it."""
+        if self.any:
+            return self
+        if not has_screen():
+            raise InputError(
+                "there is no screen to open the viewer on: pass --save out.rrd to write a recording, --serve or"
+                " --connect URL to watch it elsewhere"
+            )
+        return SinkChoice(spawn=True, bind=self.bind)
+
+    def check(self) -> None:
+        """Raise InputError for what cannot work: options that exclude each other, a file that cannot be written."""
+        live = [name for name in ("spawn", "serve", "connect") if getattr(self, name)]
+        if len(live) > 1:
+            raise InputError(f"--{live[0]} and --{live[1]} exclude each other: pass one of them")
+        if self.stdout and (live or self.save):
+            raise InputError(f"--stdout goes alone, without --{live[0] if live else 'save'}")
+        if self.stdout and sys.stdout.isatty():
+            raise InputError("--stdout writes binary data: redirect it to a file or a program")
+        if self.save is not None:
+            check_writable(self.save)
+
+
+def has_screen() -> bool:
+    """Whether a window can be opened here."""
+    if sys.platform in ("darwin", "win32"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
