@@ -7,7 +7,7 @@ import sys
 import traceback
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Optional
+from typing import Annotated, Any
 
 import typer
 
@@ -40,7 +40,7 @@ RecordingArg = Annotated[
     str, typer.Argument(metavar="RECORDING", help="A name, such as demo, 21 or intel, or the path of a file or folder.")
 ]
 DataOpt = Annotated[
-    Optional[Path],
+    Path | None,
     typer.Option(
         "--data",
         metavar="DIR",
@@ -53,12 +53,10 @@ RobotOpt = Annotated[
     typer.Option("--robot", metavar="NAME|PATH", help="Robot file of an ECE276A set.", rich_help_panel=SCANS),
 ]
 StartOpt = Annotated[int, typer.Option("--start", min=0, help="First scan.", rich_help_panel=SCANS)]
-StopOpt = Annotated[
-    Optional[int], typer.Option("--stop", min=1, help="Scan to stop before.", rich_help_panel=SCANS)
-]
+StopOpt = Annotated[int | None, typer.Option("--stop", min=1, help="Scan to stop before.", rich_help_panel=SCANS)]
 StrideOpt = Annotated[int, typer.Option("--stride", min=1, help="Use every K-th scan.", rich_help_panel=SCANS)]
 ConfigOpt = Annotated[
-    Optional[str],
+    str | None,
     typer.Option(
         "--config",
         metavar="NAME|PATH",
@@ -67,7 +65,7 @@ ConfigOpt = Annotated[
     ),
 ]
 ConfigsOpt = Annotated[
-    Optional[list[str]],
+    list[str] | None,
     typer.Option(
         "--config",
         metavar="NAME|PATH[,KEY=VALUE]",
@@ -76,24 +74,20 @@ ConfigsOpt = Annotated[
     ),
 ]
 SetOpt = Annotated[
-    Optional[list[str]],
-    typer.Option(
-        "--set", metavar="SECTION.KEY=VALUE", help="Change one setting. Repeatable.", rich_help_panel=FILTER
-    ),
+    list[str] | None,
+    typer.Option("--set", metavar="SECTION.KEY=VALUE", help="Change one setting. Repeatable.", rich_help_panel=FILTER),
 ]
 ParticlesOpt = Annotated[
-    Optional[int], typer.Option("--particles", min=1, help="Number of particles.", rich_help_panel=FILTER)
+    int | None, typer.Option("--particles", min=1, help="Number of particles.", rich_help_panel=FILTER)
 ]
 SeedOpt = Annotated[
-    Optional[int], typer.Option("--seed", min=0, help="Seed of the random numbers.", rich_help_panel=FILTER)
+    int | None, typer.Option("--seed", min=0, help="Seed of the random numbers.", rich_help_panel=FILTER)
 ]
 SaveOpt = Annotated[
-    Optional[Path], typer.Option("--save", metavar="PATH", help="Write a .rrd file.", rich_help_panel=SINKS)
+    Path | None, typer.Option("--save", metavar="PATH", help="Write a .rrd file.", rich_help_panel=SINKS)
 ]
 SpawnOpt = Annotated[bool, typer.Option("--spawn", help="Open the viewer and watch live.", rich_help_panel=SINKS)]
-ServeOpt = Annotated[
-    bool, typer.Option("--serve", help="Let viewers connect, on this machine.", rich_help_panel=SINKS)
-]
+ServeOpt = Annotated[bool, typer.Option("--serve", help="Let viewers connect, on this machine.", rich_help_panel=SINKS)]
 BindOpt = Annotated[
     str,
     typer.Option(
@@ -101,7 +95,7 @@ BindOpt = Annotated[
     ),
 ]
 ConnectOpt = Annotated[
-    Optional[str],
+    str | None,
     typer.Option(
         "--connect",
         metavar="URL",
@@ -109,11 +103,9 @@ ConnectOpt = Annotated[
         rich_help_panel=SINKS,
     ),
 ]
-StdoutOpt = Annotated[
-    bool, typer.Option("--stdout", help="Write the .rrd to standard output.", rich_help_panel=SINKS)
-]
+StdoutOpt = Annotated[bool, typer.Option("--stdout", help="Write the .rrd to standard output.", rich_help_panel=SINKS)]
 MapEveryOpt = Annotated[
-    Optional[int],
+    int | None,
     typer.Option(
         "--map-every",
         min=1,
@@ -122,10 +114,10 @@ MapEveryOpt = Annotated[
     ),
 ]
 MaxParticlesOpt = Annotated[
-    Optional[int], typer.Option("--max-particles", min=1, help="Log at most so many.", rich_help_panel=DETAIL)
+    int | None, typer.Option("--max-particles", min=1, help="Log at most so many.", rich_help_panel=DETAIL)
 ]
 MaxBeamsOpt = Annotated[
-    Optional[int], typer.Option("--max-beams", min=1, help="Log at most so many end points.", rich_help_panel=DETAIL)
+    int | None, typer.Option("--max-beams", min=1, help="Log at most so many end points.", rich_help_panel=DETAIL)
 ]
 QuietOpt = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no summary.")]
 JsonOpt = Annotated[bool, typer.Option("--json", help="Print JSON.")]
@@ -147,7 +139,9 @@ def options(
     """Interactive replay of particle-filter SLAM in the Rerun viewer."""
 
 
-@app.command(rich_help_panel=RUN, epilog=examples(
+@app.command(
+    rich_help_panel=RUN,
+    epilog=examples(
         "replay demo --save demo.rrd",
         "replay 21 --config paper --particles 100",
         "replay corridor.clf --spawn --save corridor.rrd",
@@ -163,7 +157,7 @@ def replay(
     connect: ConnectOpt = None,
     stdout: StdoutOpt = False,
     export: Annotated[
-        Optional[Path],
+        Path | None,
         typer.Option(
             "--export", metavar="DIR", help="Write trajectories, map and metrics as files.", rich_help_panel=SINKS
         ),
@@ -215,14 +209,16 @@ def info(recording: RecordingArg, data: DataOpt = None, robot: RobotOpt = "ece27
     command.run_info(recording, data, robot, json)
 
 
-@app.command(rich_help_panel=RECORDINGS, epilog=examples("fetch 21", "fetch 21 --rgbd --every 4", "fetch intel --data ~/slam"))
+@app.command(
+    rich_help_panel=RECORDINGS, epilog=examples("fetch 21", "fetch 21 --rgbd --every 4", "fetch intel --data ~/slam")
+)
 def fetch(
     name: Annotated[str, typer.Argument(metavar="NAME", help="20, 21, 23, intel, fr079, aces or mit-csail.")],
     data: DataOpt = None,
     rgbd: Annotated[bool, typer.Option("--rgbd", help="The camera's frames too, about 1 GB a set.")] = False,
     every: Annotated[int, typer.Option("--every", min=1, metavar="K", help="With --rgbd: every K-th frame.")] = 1,
     base_url: Annotated[
-        Optional[str], typer.Option("--base-url", metavar="URL", help="Take the files from a mirror.")
+        str | None, typer.Option("--base-url", metavar="URL", help="Take the files from a mirror.")
     ] = None,
     connections: Annotated[int, typer.Option("--connections", min=1, max=16, help="Downloads at a time.")] = 4,
     quiet: QuietOpt = False,
@@ -233,11 +229,16 @@ def fetch(
     command.run_fetch(name, data, rgbd, every, base_url, connections, quiet)
 
 
-@app.command(rich_help_panel=RECORDINGS, epilog=examples("simulate recordings/office --seed 3", "simulate ring --building ring --duration 90"))
+@app.command(
+    rich_help_panel=RECORDINGS,
+    epilog=examples("simulate recordings/office --seed 3", "simulate ring --building ring --duration 90"),
+)
 def simulate(
     out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder to write, in the ECE276A layout.")],
     seed: Annotated[int, typer.Option("--seed", min=0, help="Same seed, same bytes.")] = 0,
-    duration: Annotated[float, typer.Option("--duration", min=2.0, metavar="SECONDS", help="How long it drives.")] = 50.0,
+    duration: Annotated[
+        float, typer.Option("--duration", min=2.0, metavar="SECONDS", help="How long it drives.")
+    ] = 50.0,
     building: Annotated[str, typer.Option("--building", metavar="NAME", help="Which building.")] = "demo",
     frames: Annotated[bool, typer.Option("--frames/--no-frames", help="Render the camera's frames.")] = True,
     wheel_scale: Annotated[
@@ -250,7 +251,10 @@ def simulate(
     command.run(out, seed, duration, building, frames, wheel_scale)
 
 
-@app.command(rich_help_panel=JUDGE, epilog=examples("evaluate demo", "evaluate intel --seeds 5 --json", "evaluate 21 --config my.toml"))
+@app.command(
+    rich_help_panel=JUDGE,
+    epilog=examples("evaluate demo", "evaluate intel --seeds 5 --json", "evaluate 21 --config my.toml"),
+)
 def evaluate(
     recording: RecordingArg,
     config: ConfigsOpt = None,
@@ -276,7 +280,7 @@ def evaluate(
 
     command.run(
         RecordingChoice(recording, data, robot, start, stop, stride),
-        [ConfigChoice.parse(text, tuple(settings or ()), particles) for text in config or [None]],
+        [ConfigChoice.parse(text, tuple(settings or ()), particles) for text in config or (None,)],
         seeds,
         paper,
         json,
@@ -284,7 +288,9 @@ def evaluate(
     )
 
 
-@app.command(rich_help_panel=RUN, epilog=examples(
+@app.command(
+    rich_help_panel=RUN,
+    epilog=examples(
         "compare 21 --config paper --config default --save compared.rrd",
         "compare demo --config paper,particles=50 --config paper --spawn",
     ),
@@ -324,7 +330,9 @@ def compare(
     )
 
 
-@app.command(rich_help_panel=JUDGE, epilog=examples("figures 21 figures/", "figures demo figures/ --every 250 --config paper"))
+@app.command(
+    rich_help_panel=JUDGE, epilog=examples("figures 21 figures/", "figures demo figures/ --every 250 --config paper")
+)
 def figures(
     recording: RecordingArg,
     out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder for the pictures and their index.html.")],
@@ -357,6 +365,7 @@ def call(arguments: Sequence[str]) -> int:
     """Run one command line and return its exit status; errors become one line on stderr."""
     before, rest = _until_double_dash(arguments)
     debug = "--debug" in before  # accepted anywhere, also after the command
+    message: str | None = None
     given = [argument for argument in before if argument != "--debug"] + rest
     try:
         status = app(given, prog_name=PROGRAM, standalone_mode=False)
@@ -368,7 +377,8 @@ def call(arguments: Sequence[str]) -> int:
         status, message = _explain(error, debug)
     else:
         status = status if isinstance(status, int) else 0
-        message = "interrupted" if status == 130 else None
+        if status == 130:
+            message = "interrupted"
     if message:
         print(f"{PROGRAM}: {' '.join(message.split())}", file=sys.stderr)
     return status

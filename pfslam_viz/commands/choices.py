@@ -3,6 +3,7 @@
 import os
 import re
 import sys
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -130,6 +131,14 @@ class SinkChoice:
                 " --connect URL to watch it elsewhere"
             )
         return SinkChoice(spawn=True, bind=self.bind)
+
+    def open(self) -> AbstractContextManager[Any]:
+        """The viewer's sink to all of these."""
+        from pfslam_viz.viewer.sinks import open_sinks
+
+        return open_sinks(
+            save=self.save, spawn=self.spawn, serve=self.serve, connect=self.connect, stdout=self.stdout, bind=self.bind
+        )
 
     def check(self) -> None:
         """Raise InputError for what cannot work: options that exclude each other, a file that cannot be written."""

@@ -1,0 +1,28 @@
+"""``pfslam-viz evaluate``: run and score."""
+
+from pfslam_viz import console
+from pfslam_viz.commands.choices import ConfigChoice, RecordingChoice
+from pfslam_viz.commands.recordings import print_json
+
+
+def run(
+    chosen: RecordingChoice, config_choices: list[ConfigChoice], seeds: int, paper: bool, as_json: bool, quiet: bool
+) -> None:
+    """Score every configuration over ``seeds`` seeds, with the paper's filter beside them unless it is unwanted."""
+    from pfslam_viz.evaluation.evaluate import evaluate
+
+    for choice in config_choices:
+        choice.load()
+    with console.status(f"reading {chosen.name}", quiet):
+        recording = chosen.load()
+    configs = [choice.load(recording.format) for choice in config_choices]
+    if paper and all(config.name != "paper" for config in configs):
+        configs.append(ConfigChoice("paper").load())
+    console.load_kernels(quiet)
+    runs = len(configs) * seeds
+    with console.ReplayProgress(len(recording) * runs, recording.duration * runs, quiet, "evaluate") as bar:
+        report = evaluate(recording, configs, seeds, on_progress=lambda *_: bar.advance())
+    if as_json:
+        print_json(report.as_dict())
+    else:
+        console.results().print(report.table())

@@ -1,0 +1,40 @@
+"""Ctrl-C that lets a run end in good order."""
+
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+from pfslam_viz.errors import PfslamError
+
+
+class Interrupted(PfslamError):
+    """The user stopped the run (exit status 130). The message says what was kept."""
+
+    exit_status = 130
+
+
+@contextmanager
+def stop_on_interrupt() -> Iterator[Callable[[], bool]]:
+    """A function that says whether Ctrl-C was pressed; a second Ctrl-C raises KeyboardInterrupt as ever.
+
+    Between two scans is a good place to stop; in the middle of writing one to a file is not. Outside the main thread,
+    where signals cannot be caught, the function stays False.
+    """
+    stopped = threading.Event()
+    ignored = signal.getsignal(signal.SIGINT) is signal.SIG_IGN  # as in a shell's background job
+    if ignored or threading.current_thread() is not threading.main_thread():
+        yield stopped.is_set
+        return
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        if stopped.is_set():
+            raise KeyboardInterrupt
+        stopped.set()
+
+    previous = signal.signal(signal.SIGINT, handle)
+    try:
+        yield stopped.is_set
+    finally:
+        signal.signal(signal.SIGINT, previous)

@@ -1,0 +1,95 @@
+"""``pfslam-viz replay``: run the filter over a recording, and send every step to where the user wants it."""
+
+from contextlib import ExitStack
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from pfslam_viz import console
+from pfslam_viz.commands.choices import ConfigChoice, DetailChoice, RecordingChoice, SinkChoice
+from pfslam_viz.commands.interrupt import Interrupted, stop_on_interrupt
+from pfslam_viz.config import Config
+from pfslam_viz.files import check_writable
+from pfslam_viz.recordings.recording import Recording
+from pfslam_viz.replay import Replay, Result
+
+
+def run(
+    chosen: RecordingChoice,
+    config_choice: ConfigChoice,
+    sinks: SinkChoice,
+    detail: DetailChoice,
+    export: Path | None = None,
+    quiet: bool = False,
+) -> None:
+    """Everything that can be wrong is checked before the first scan; an interrupted run keeps what it has."""
+    started = perf_counter()
+    if export is not None:
+        check_writable(export, folder=True)
+    else:
+        sinks = sinks.or_viewer()
+    sinks.check()
+    recording, config = load(chosen, config_choice, quiet)
+    console.load_kernels(quiet)
+    with ExitStack() as stack:
+        stream = open_stream(stack, recording, config, sinks, detail)
+        result, log_seconds = _replay(recording, config, stream, quiet)
+        if stream is not None:
+            stream.finish(result)
+    if export is not None and len(result.stamps):
+        with console.status("writing the export", quiet):
+            _export(result, export)
+    if not quiet:
+        left_out = tuple(stream.left_out) if stream is not None else ()
+        table = console.summary(result, perf_counter() - started, log_seconds, sinks.save, left_out)
+        console.results(to_stderr=sinks.stdout).print(table)
+    if result.interrupted:
+        raise Interrupted(f"interrupted after scan {len(result.stamps)} of {len(recording)}{_kept(sinks, export)}")
+
+
+def load(chosen: RecordingChoice, config_choice: ConfigChoice, quiet: bool) -> tuple[Recording, Config]:
+    """The recording and the configuration; a mistake in the configuration shows before a long load."""
+    config_choice.load()
+    with console.status(f"reading {chosen.name}", quiet):
+        recording = chosen.load()
+    if not quiet:
+        for note in recording.notes:
+            console.messages().print(f"note: {note}", markup=False)
+    return recording, config_choice.load(recording.format)
+
+
+def open_stream(stack: ExitStack, recording: Recording, config: Config, sinks: SinkChoice, detail: DetailChoice) -> Any:
+    """A ReplayStream to the chosen sinks, which ``stack`` closes; None where nothing was chosen."""
+    if not sinks.any:
+        return None
+    from pfslam_viz.viewer.stream import ReplayStream
+
+    return ReplayStream(recording, config, stack.enter_context(sinks.open()), detail.options())
+
+
+def _replay(recording: Recording, config: Config, stream: Any, quiet: bool) -> tuple[Result, float]:
+    """Run the filter until the last scan or Ctrl-C; also the seconds that logging took."""
+    log_seconds = 0.0
+    replay = Replay(recording, config)
+    with console.ReplayProgress(len(recording), recording.duration, quiet) as progress, stop_on_interrupt() as stopped:
+        for step in replay:
+            if stream is not None:
+                before = perf_counter()
+                stream.log(step)
+                log_seconds += perf_counter() - before
+            progress.advance()
+            if stopped():
+                break
+        return replay.result(), log_seconds
+
+
+def _export(result: Result, folder: Path) -> None:
+    from pfslam_viz.evaluation.metrics import metrics
+    from pfslam_viz.export import export
+
+    export(result, folder, metrics(result))
+
+
+def _kept(sinks: SinkChoice, export: Path | None) -> str:
+    kept = [str(path) for path in (sinks.save, export) if path is not None]
+    return f"; {' and '.join(kept)} {'holds' if len(kept) == 1 else 'hold'} them" if kept else ""

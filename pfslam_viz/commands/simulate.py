@@ -1,0 +1,22 @@
+"""``pfslam-viz simulate``: make a recording with known truth."""
+
+from pathlib import Path
+from time import perf_counter
+
+from pfslam_viz import console
+from pfslam_viz.files import check_writable
+
+
+def run(out: Path, seed: int, duration: float, building: str, frames: bool, wheel_scale: float) -> None:
+    """Write the recording into the folder ``out``."""
+    from pfslam_viz.simulation.recording import simulate
+
+    check_writable(out, folder=True)
+    started = perf_counter()
+    with console.status(f"simulating {duration:g} s of driving"):
+        simulate(out, seed=seed, duration=duration, building=building, frames=frames, wheel_scale=wheel_scale)
+    console.results().print(
+        f"{out}: {duration:g} s of driving through '{building}', seed {seed}, made in {perf_counter() - started:.1f} s",
+        markup=False,
+        soft_wrap=True,
+    )

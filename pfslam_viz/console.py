@@ -1,0 +1,190 @@
+"""What a run shows in the terminal: a line while kernels are compiled, a progress bar, and the table at the end."""
+
+import math
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
+from rich.table import Table
+from rich.text import Text
+
+from pfslam_viz import geometry
+from pfslam_viz.replay import PHASES, Result
+
+COMPILING = "compiling kernels (first run on this machine)"
+COMPILING_AFTER = 1.5  # s; kernels from the cache are loaded in less
+
+
+def messages() -> Console:
+    """Where progress and remarks go: stderr, so that stdout holds results only."""
+    return Console(stderr=True, highlight=False)
+
+
+def results(to_stderr: bool = False) -> Console:
+    """Where results go: stdout, unless that carries data."""
+    return messages() if to_stderr else Console(highlight=False)
+
+
+def load_kernels(quiet: bool = False) -> None:
+    """Compile the filter's kernels or load them from the cache, and say so if it takes a while."""
+    console = messages()
+    if quiet:
+        _warm_up()
+        return
+    with console.status("loading kernels") as status:
+
+        def announce() -> None:
+            status.update(COMPILING)
+            if not console.is_terminal:
+                console.print(COMPILING)
+
+        timer = threading.Timer(COMPILING_AFTER, announce)
+        timer.daemon = True
+        timer.start()
+        try:
+            _warm_up()
+        finally:
+            timer.cancel()
+
+
+def _warm_up() -> None:
+    from pfslam_viz.slam.kernels import warm_up
+
+    warm_up()
+
+
+@contextmanager
+def status(text: str, quiet: bool = False) -> Iterator[None]:
+    """Show ``text`` with a spinner while something runs that has no progress of its own."""
+    if quiet:
+        yield
+        return
+    with messages().status(text):
+        yield
+
+
+class _Speed(ProgressColumn):
+    """Scans per second, and how many times faster than the robot drove."""
+
+    def render(self, task: Task) -> Text:
+        speed = task.finished_speed or task.speed
+        if not speed:
+            return Text("")
+        recorded = task.fields["seconds_per_scan"]
+        return Text(f"{speed:,.0f} scans/s  {speed * recorded:.1f}x real time", style="progress.data.speed")
+
+
+class ReplayProgress:
+    """The progress bar of one or more runs over a recording, on stderr. A context manager."""
+
+    def __init__(self, scans: int, duration: float, quiet: bool = False, label: str = "replay") -> None:
+        """For ``scans`` scans in all that took the robot ``duration`` s."""
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=24),
+            MofNCompleteColumn(),
+            _Speed(),
+            TimeRemainingColumn(),
+            console=messages(),
+            refresh_per_second=5,
+            disable=quiet,
+        )
+        self._task = self._progress.add_task(label, total=scans, seconds_per_scan=duration / max(scans, 1))
+
+    def __enter__(self) -> "ReplayProgress":
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._progress.stop()
+
+    def advance(self, scans: int = 1) -> None:
+        """So many scans more are done."""
+        self._progress.advance(self._task, scans)
+
+    def label(self, text: str) -> None:
+        """Say what is being run now."""
+        self._progress.update(self._task, description=text)
+
+
+def summary(
+    result: Result, seconds: float, log_seconds: float = 0.0, file: Path | None = None, left_out: tuple[str, ...] = ()
+) -> Table:
+    """The table at the end of a run.
+
+    ``seconds`` the whole run took, ``log_seconds`` of them for sending it to Rerun; ``file`` is the .rrd that was
+    written; ``left_out`` says what is not in it, a phrase each.
+    """
+    recording, config, n = result.recording, result.config, len(result.stamps)
+    table = Table(title=f"{recording.name} · {config.name} · seed {config.seed}", title_justify="left", min_width=60)
+    table.add_column()
+    table.add_column("particle filter", justify="right")
+    table.add_column("dead reckoning", justify="right", style="dim")
+    for name, estimated, reckoned in _accuracy(result):
+        table.add_row(name, estimated, reckoned)
+    table.add_section()
+    for name, text in _run(result, seconds, log_seconds):
+        table.add_row(name, text, "")
+    if result.interrupted:
+        table.add_row("interrupted", f"after {n:,} of {len(recording):,} scans", "")
+    if file is not None:
+        table.add_section()
+        table.add_row(str(file.name), f"{file.stat().st_size / 1e6:.1f} MB", "")
+    for phrase in left_out:
+        table.add_row("left out", phrase, "")
+    return table
+
+
+def _accuracy(result: Result) -> Iterator[tuple[str, str, str]]:
+    """Rows about the two trajectories: name, the filter's value, dead reckoning's."""
+    from pfslam_viz.evaluation.relations import relation_errors
+    from pfslam_viz.evaluation.trajectory_error import trajectory_error
+
+    paths = result.estimate, result.dead_reckoning
+    if len(result.stamps) == 0:
+        return
+    length, gap = ([f"{f(p):.2f} m" for p in paths] for f in (geometry.path_length, _gap))
+    yield "path length", length[0], length[1]
+    yield "end-to-start gap", gap[0], gap[1]
+    if result.truth is not None:
+        errors = [trajectory_error(result.truth, p) for p in paths]
+        rmse = [f"{e.position_rmse:.3f} m, {e.heading_rmse:.2f}°" for e in errors]
+        worst = [f"{e.position_max:.3f} m, {e.heading_max:.2f}°" for e in errors]
+        yield "error against truth, rmse", rmse[0], rmse[1]
+        yield "error against truth, worst", worst[0], worst[1]
+    if result.recording.relations is not None:
+        relations = [relation_errors(result.recording.relations, result.stamps, p) for p in paths]
+        mean = [
+            "no relation in these scans" if r is None else f"{r.translation.mean:.3f} m, {r.rotation.mean:.2f}°"
+            for r in relations
+        ]
+        yield "error of relations, mean", mean[0], mean[1]
+
+
+def _gap(poses: geometry.Array) -> float:
+    x, y = poses[-1, :2] - poses[0, :2]
+    return math.hypot(x, y)
+
+
+def _run(result: Result, seconds: float, log_seconds: float) -> Iterator[tuple[str, str]]:
+    """Rows about the run: name and value."""
+    n = len(result.stamps)
+    if n == 0:
+        return
+    for phase in PHASES:
+        spent = float(result.seconds[phase].sum())
+        if spent > 0:
+            yield phase.replace("_", " "), f"{1e3 * spent / n:.3f} ms a scan"
+    if log_seconds > 0:
+        yield "log", f"{1e3 * log_seconds / n:.3f} ms a scan"
+    recorded = float(result.stamps[-1] - result.stamps[0])
+    yield "all", f"{seconds:.1f} s, {n / seconds:,.0f} scans/s, {recorded / seconds:.1f}x real time"
+    yield "resampled", f"{result.resamplings:,} times in {n:,} scans"
+    if result.uninformative:
+        yield "no correlation with the map", f"{result.uninformative:,} scans"
