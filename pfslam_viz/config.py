@@ -52,7 +52,7 @@ class MapConfig(_Section):
     log_odds_hit: Positive = 1.3862943611198906
     log_odds_miss: Positive = 1.3862943611198906
     log_odds_bound: Positive = 100.0
-    threshold: float = Field(0.0, allow_inf_nan=False, description="(29): above it a cell is occupied")
+    threshold: NonNegative = Field(0.0, description="(29): above it a cell is occupied")
 
 
 class ResamplingConfig(_Section):

@@ -81,8 +81,7 @@ class Replay:
                 slam.predict(recording.odometry[k], float(times[k] - times[k - 1]))
             clock.lap("predict")
             slam.update(scan)
-            best = slam.estimate().best
-            end_points, hits = slam.grid.project(best, scan.points)
+            end_points, hits = slam.grid.project(slam.best, scan.points)
             clock.lap("update")
             slam.update_map(scan)
             clock.lap("map")

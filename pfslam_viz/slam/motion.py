@@ -4,7 +4,6 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from pfslam_viz import geometry
 from pfslam_viz.config import MotionConfig
 
 Array = NDArray[np.float64]
@@ -25,8 +24,7 @@ def predict(particles: Array, increment: Array, config: MotionConfig, rng: Gener
 
     ``additive`` is (18) with w ~ N(0, diag(variance)), in the world's frame whatever the motion was.
     """
-    moved = geometry.compose(particles, increment)
+    from pfslam_viz.slam import kernels
+
     noise = rng.standard_normal(particles.shape) * np.sqrt(config.variance)
-    moved += noise
-    moved[:, 2] = geometry.wrap(moved[:, 2])
-    return moved
+    return kernels.move(particles, increment, noise)

@@ -28,7 +28,7 @@ class OccupancyGrid:
         self.config = config
         self.origin = (MARGIN, MARGIN)
         self.log_odds = np.zeros((2 * MARGIN, 2 * MARGIN), np.float32)
-        self.occupied = np.full(self.log_odds.shape, 0.0 > config.threshold, np.uint8)
+        self.occupied = np.zeros(self.log_odds.shape, np.uint8)
         self._marks = np.zeros(self.log_odds.shape, np.int32)  # who came to a cell last: a cell counts once
         self._mark = 0
 
@@ -98,13 +98,16 @@ class OccupancyGrid:
         )
 
     def reach(self, lowest: NDArray[np.int64], highest: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Grow until the cells ``lowest`` and ``highest`` (row, column) are inside; by how much indices moved (2,)."""
-        before = np.maximum(0, MARGIN - lowest) * (lowest < 0)
-        after = np.maximum(0, highest + 1 + MARGIN - self.shape) * (highest >= self.shape)
+        """Grow until the cells ``lowest`` and ``highest`` (row, column) are inside; by how much indices moved (2,).
+
+        The outermost ring of cells stays unknown, so that whoever looks beyond the grid finds an unknown cell.
+        """
+        before = (MARGIN - lowest) * (lowest < 1)
+        after = (highest + 1 + MARGIN - self.shape) * (highest > np.array(self.shape) - 2)
         if before.any() or after.any():
             pad = tuple(zip(before.tolist(), after.tolist(), strict=True))
             self.log_odds = np.pad(self.log_odds, pad)
-            self.occupied = np.pad(self.occupied, pad, constant_values=0.0 > self.config.threshold)
+            self.occupied = np.pad(self.occupied, pad)
             self._marks = np.pad(self._marks, pad)
             self.origin = (self.origin[0] + int(before[0]), self.origin[1] + int(before[1]))
         return before

@@ -3,9 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pfslam_viz import geometry
 from pfslam_viz.config import Config
-from pfslam_viz.slam import motion, resampling
+from pfslam_viz.slam import kernels, motion, resampling
 from pfslam_viz.slam.observation import correlation
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.slam.protocol import Estimate, Scan
@@ -30,6 +29,12 @@ class ParticleFilter:
         self._informative = self._resampled = False
         self._online: list[Array] = []
 
+    @property
+    def best(self) -> Array:
+        """(3,) the most likely particle after the last update: the "mode" of section I."""
+        particles, weights = self._weighed
+        return particles[int(np.argmax(weights))]
+
     def predict(self, increment: Array, dt: float) -> None:
         """Move every particle by the odometry, with noise of its own: (13), (17) to (19)."""
         self._particles = motion.predict(self._particles, increment, self.config.motion, self._rng)
@@ -44,11 +49,11 @@ class ParticleFilter:
             self._weights = posterior / total
         self._weighed = (self._particles, self._weights)
         self._parents = self._drawn
-        self._online.append(self._best())
+        self._online.append(self.best)
 
     def update_map(self, scan: Scan) -> None:
         """The most likely particle writes the scan into the map: (28), (29)."""
-        self.grid.add(self._best(), scan.points, scan.origin)
+        self.grid.add(self.best, scan.points, scan.origin)
 
     def resample(self) -> None:
         """Draw N particles anew if the policy says so: (30) to (32)."""
@@ -63,13 +68,14 @@ class ParticleFilter:
     def estimate(self) -> Estimate:
         """The belief after the scan, from the particles as they were weighed (before resampling)."""
         particles, weights = self._weighed
+        mean, covariance, n_eff = kernels.moments(particles, weights)
         return Estimate(
             particles=particles,
             weights=weights,
-            best=self._best(),
-            mean=geometry.mean_pose(particles, weights),
-            covariance=geometry.pose_covariance(particles, weights),
-            n_eff=resampling.effective_number(weights),
+            best=self.best,
+            mean=mean,
+            covariance=covariance,
+            n_eff=n_eff,
             resampled=self._resampled,
             informative=self._informative,
             parents=self._parents,
@@ -81,7 +87,3 @@ class ParticleFilter:
 
     def finish(self) -> None:
         """Nothing is settled in hindsight."""
-
-    def _best(self) -> Array:
-        particles, weights = self._weighed
-        return particles[int(np.argmax(weights))]

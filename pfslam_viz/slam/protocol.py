@@ -92,6 +92,11 @@ class Slam(Protocol):
         """The map as known now: a live view, not a copy."""
         ...
 
+    @property
+    def best(self) -> Array:
+        """(3,) the most likely particle after the last update."""
+        ...
+
     def predict(self, increment: Array, dt: float) -> None:
         """Move the particles by the odometry ``increment`` (3,) of ``dt`` s, with noise: (13), (17) to (19)."""
         ...
