@@ -6,7 +6,7 @@ An unknown key, a wrong type or a value out of range is an :class:`InputError` t
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -158,9 +158,14 @@ def _validate(model: type[Model], values: dict[str, Any], path: Path) -> Model:
 
 def _explain(model: type[BaseModel], error: Any) -> str:
     key = ".".join(str(part) for part in error["loc"])
+    if error["type"] == "missing":
+        return f"'{key}' is missing"
+    if error["type"] == "model_type":
+        return f"'{key}' = {error['input']!r}: it is a section, [{key}]"
     if error["type"] == "extra_forbidden":
         section: Any = model
         for part in error["loc"][:-1]:
-            section = section.model_fields[part].annotation
+            annotation = section.model_fields[part].annotation
+            section = next(kind for kind in (annotation, *get_args(annotation)) if hasattr(kind, "model_fields"))
         return f"unknown key '{key}'; allowed here: {', '.join(section.model_fields)}"
     return f"'{key}' = {error['input']!r}: {error['msg'][0].lower()}{error['msg'][1:]}"

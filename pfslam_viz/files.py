@@ -13,8 +13,10 @@ from pfslam_viz.errors import InputError
 def replaced(path: Path) -> Iterator[Path]:
     """A temporary path beside ``path`` to write to; moved over ``path`` on success, deleted on any failure.
 
-    Missing parent folders are made. Raises InputError when the folder cannot be written.
+    Missing parent folders are made. Raises InputError when the folder cannot be written, or when ``path`` is there and
+    is not a file (a folder, a device).
     """
+    path = _file(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=f".part{path.suffix}", dir=path.parent)
@@ -37,8 +39,8 @@ def check_writable(path: Path, folder: bool = False) -> None:
 
     Tries it out with a temporary file in the folder, or in the nearest one above it that exists.
     """
-    if not folder and path.is_dir():
-        raise InputError(f"{path}: is a folder; name the file to write")
+    if not folder:
+        path = _file(path)
     existing = path if folder else path.parent
     while not existing.exists() and existing != existing.parent:
         existing = existing.parent
@@ -49,3 +51,12 @@ def check_writable(path: Path, folder: bool = False) -> None:
             pass
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def _file(path: Path) -> Path:
+    """``path`` with links followed, so that a link stays one. Raises InputError for what cannot be replaced."""
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder; name the file to write")
+    if path.exists() and not path.is_file():
+        raise InputError(f"{path}: is not a regular file")
+    return path.resolve() if path.is_symlink() else path

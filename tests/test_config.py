@@ -1,0 +1,151 @@
+"""Every number of the filter is checked when it is read, and a mistake is named with its file and key."""
+
+from pathlib import Path
+
+import pytest
+
+from pfslam_viz.config import Config, configs_dir, load_config, load_robot
+from pfslam_viz.errors import InputError
+
+ROBOT = (configs_dir() / "robots" / "ece276a.toml").read_text(encoding="utf-8")
+
+
+def toml(folder: Path, text: str) -> Path:
+    path = folder / "mine.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_paper_is_the_paper() -> None:
+    paper = load_config("paper")
+    assert (paper.backend, paper.particles, paper.map.cell) == ("single_map", 500, 0.07)
+    assert (paper.motion.model, paper.motion.variance) == ("additive", (0.001, 0.001, 0.001))
+    assert (paper.observation.model, paper.observation.perturbation) == ("correlation", False)
+    assert (paper.observation.perturbation_cells, paper.observation.perturbation_angle) == (1, 0.02)
+    assert paper.observation.max_beams is None
+    assert (paper.resampling.policy, paper.resampling.scheme) == ("always", "multinomial")
+    assert paper.map.log_odds_hit == paper.map.log_odds_miss == pytest.approx(1.386294)  # log 4
+    assert paper.name == "paper"
+
+
+@pytest.mark.parametrize("path", sorted(configs_dir().glob("*.toml")), ids=lambda path: path.stem)
+def test_every_shipped_configuration_is_valid(path: Path) -> None:
+    assert load_config(path.stem).name == load_config(path).name
+
+
+@pytest.mark.parametrize("path", sorted((configs_dir() / "robots").glob("*.toml")), ids=lambda path: path.stem)
+def test_every_shipped_robot_is_valid(path: Path) -> None:
+    assert load_robot(path.stem) == load_robot(path)
+
+
+def test_an_empty_file_is_the_defaults(tmp_path: Path) -> None:
+    assert load_config(toml(tmp_path, "")) == Config(name="mine")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("particle = 3", "unknown key 'particle'; allowed here: .*particles"),
+        ("[map]\ncel = 1.0", "unknown key 'map.cel'; allowed here: cell, "),
+        ("[filter]\nx = 1", "unknown key 'filter'"),
+        ("particles = 0", "'particles' = 0: .*greater than or equal to 1"),
+        ("particles = 500.0", "'particles' = 500.0: .*valid integer"),
+        ("particles = true", "'particles' = True: .*valid integer"),
+        ("particles = 'many'", "'particles' = 'many': .*valid integer"),
+        ("seed = -1", "'seed' = -1"),
+        ("[map]\ncell = 0.0", "'map.cell' = 0.0: .*greater than or equal to 0.005"),
+        ("[map]\ncell = nan", "'map.cell' = nan"),
+        ("[map]\nlog_odds_hit = inf", "'map.log_odds_hit' = inf: .*finite"),
+        ("[motion]\nmodel = 'loud'", "'motion.model' = 'loud': .*'additive' or 'scaled'"),
+        ("[motion]\nvariance = [0.1, -0.1, 0.1]", r"'motion\.variance\.1' = -0\.1: .*greater than or equal to 0"),
+        ("[motion]\nvariance = [0.1, 0.1]", r"'motion\.variance\.2' is missing"),
+        ("map = 3", r"'map' = 3: it is a section, \[map\]"),
+        ("map = [", "not valid TOML"),
+    ],
+)
+def test_mistakes_name_file_key_and_what_is_allowed(tmp_path: Path, text: str, message: str) -> None:
+    path = toml(tmp_path, text)
+    with pytest.raises(InputError, match=message) as caught:
+        load_config(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_all_mistakes_are_named_at_once(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"'particles' = 0.*'seed' = -1"):
+        load_config(toml(tmp_path, "particles = 0\nseed = -1"))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("wheels = 4\n" + ROBOT, "unknown key 'wheels'"),
+        (ROBOT + "\nlens = 1", "unknown key 'camera.lens'; allowed here: position"),
+        ("axle_height = 0.1", "'wheel_diameter' is missing; .*'lidar' is missing"),
+        (ROBOT.replace("ticks_per_revolution = 360", "ticks_per_revolution = 0"), "'ticks_per_revolution' = 0"),
+        (ROBOT.replace("yaw = 0.0", "yaw = 90.0"), r"'lidar\.yaw' = 90\.0"),
+    ],
+)
+def test_mistakes_in_a_robot_file(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        load_robot(toml(tmp_path, text))
+
+
+def test_settings_reach_every_section_in_toml_or_bare_words() -> None:
+    config = load_config(
+        "paper",
+        [
+            "particles=7",
+            "map.cell = 0.05",
+            "resampling.policy=n_eff",
+            "observation.perturbation=true",
+            "motion.variance=[0.1, 0.2, 0.3]",
+            "observation.max_range=12",
+        ],
+    )
+    assert (config.particles, config.map.cell, config.resampling.policy) == (7, 0.05, "n_eff")
+    assert config.observation.perturbation is True
+    assert config.observation.max_range == 12.0
+    assert config.motion.variance == (0.1, 0.2, 0.3)
+    assert config.resampling.scheme == "multinomial"  # what was not set stays
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("map.cell", "section.key=value"),
+        ("=1", "section.key=value"),
+        ("map..cell=1", "section.key=value"),
+        ("particles.x=1", "particles is not a section"),
+        ("map.size=1", "unknown key 'map.size'"),
+        ("map.cell=", "'map.cell' = ''"),
+        ("map.cell=big", "'map.cell' = 'big'"),
+    ],
+)
+def test_mistakes_in_settings(setting: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        load_config("paper", [setting])
+
+
+def test_a_configuration_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"no configuration is called 'papper'; there are .*paper"):
+        load_config("papper")
+    with pytest.raises(InputError, match=r"nowhere\.toml: no such configuration file"):
+        load_config(tmp_path / "nowhere.toml")
+    with pytest.raises(InputError, match="no robot is called 'r2d2'; there are ece276a"):
+        load_robot("r2d2")
+    with pytest.raises(InputError, match="no such configuration file"):
+        (tmp_path / "folder.toml").mkdir()
+        load_config(tmp_path / "folder.toml")
+
+
+def test_a_file_that_is_not_text(tmp_path: Path) -> None:
+    path = tmp_path / "binary.toml"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="not valid TOML"):
+        load_config(path)
+
+
+def test_a_configuration_cannot_be_changed() -> None:
+    with pytest.raises(ValueError, match="frozen"):
+        load_config("paper").particles = 3
