@@ -237,18 +237,26 @@ def simulate(
     out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder to write, in the ECE276A layout.")],
     seed: Annotated[int, typer.Option("--seed", min=0, help="Same seed, same bytes.")] = 0,
     duration: Annotated[
-        float, typer.Option("--duration", min=2.0, metavar="SECONDS", help="How long it drives.")
-    ] = 50.0,
-    building: Annotated[str, typer.Option("--building", metavar="NAME", help="Which building.")] = "demo",
+        float | None,
+        typer.Option("--duration", min=0, metavar="SECONDS", help="At most so long.  [dim]the whole route[/dim]"),
+    ] = None,
+    building: Annotated[
+        str, typer.Option("--building", metavar="NAME", help="office, ring or hallway; the seed varies it.")
+    ] = "office",
     frames: Annotated[bool, typer.Option("--frames/--no-frames", help="Render the camera's frames.")] = True,
     wheel_scale: Annotated[
         float, typer.Option("--wheel-scale", min=0.5, max=1.5, help="Measured ÷ true wheel path: 1.03 is 3 % off.")
     ] = 1.0,
+    slip: Annotated[float, typer.Option("--slip", min=0, max=0.5, help="Spread of the wheels' slip.")] = 0.01,
+    gyro_bias: Annotated[
+        float | None,
+        typer.Option("--gyro-bias", metavar="RAD/S", help="The gyro's bias.  [dim]drawn, as measured[/dim]"),
+    ] = None,
 ) -> None:
     """Make a recording with known truth: a robot drives through a simulated building."""
     from pfslam_viz.commands import simulate as command
 
-    command.run(out, seed, duration, building, frames, wheel_scale)
+    command.run(out, seed, duration, building, frames, wheel_scale, slip, gyro_bias)
 
 
 @app.command(

@@ -108,9 +108,9 @@ class ReplayProgress:
         """So many scans more are done."""
         self._progress.advance(self._task, scans)
 
-    def label(self, text: str) -> None:
-        """Say what is being run now."""
-        self._progress.update(self._task, description=text)
+    def show(self, label: str, done: int, total: int) -> None:
+        """``done`` of ``total`` scans are done, and ``label`` says what is run now."""
+        self._progress.update(self._task, description=label, completed=done, total=total)
 
 
 def summary(

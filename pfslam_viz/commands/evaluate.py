@@ -16,12 +16,9 @@ def run(
     with console.status(f"reading {chosen.name}", quiet):
         recording = chosen.load()
     configs = [choice.load(recording.format) for choice in config_choices]
-    if paper and all(config.name != "paper" for config in configs):
-        configs.append(ConfigChoice("paper").load())
     console.load_kernels(quiet)
-    runs = len(configs) * seeds
-    with console.ReplayProgress(len(recording) * runs, recording.duration * runs, quiet, "evaluate") as bar:
-        report = evaluate(recording, configs, seeds, on_progress=lambda *_: bar.advance())
+    with console.ReplayProgress(len(recording), recording.duration, quiet, "evaluate") as bar:
+        report = evaluate(recording, configs, range(seeds), on_progress=bar.show, paper=paper)
     if as_json:
         print_json(report.as_dict())
     else:

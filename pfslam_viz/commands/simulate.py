@@ -7,16 +7,35 @@ from pfslam_viz import console
 from pfslam_viz.files import check_writable
 
 
-def run(out: Path, seed: int, duration: float, building: str, frames: bool, wheel_scale: float) -> None:
+def run(
+    out: Path,
+    seed: int,
+    duration: float | None,
+    building: str,
+    frames: bool,
+    wheel_scale: float,
+    slip: float,
+    gyro_bias: float | None,
+) -> None:
     """Write the recording into the folder ``out``."""
     from pfslam_viz.simulation.recording import simulate
 
     check_writable(out, folder=True)
     started = perf_counter()
-    with console.status(f"simulating {duration:g} s of driving"):
-        simulate(out, seed=seed, duration=duration, building=building, frames=frames, wheel_scale=wheel_scale)
+    with console.status(f"simulating a drive through '{building}'"):
+        simulate(
+            out,
+            seed=seed,
+            duration=duration,
+            building=building,
+            frames=frames,
+            wheel_scale=wheel_scale,
+            slip=slip,
+            gyro_bias=gyro_bias,
+        )
     console.results().print(
-        f"{out}: {duration:g} s of driving through '{building}', seed {seed}, made in {perf_counter() - started:.1f} s",
+        f"{out}: a drive through '{building}', seed {seed}, made in {perf_counter() - started:.1f} s;"
+        f" replay it with: pfslam-viz replay {out}",
         markup=False,
         soft_wrap=True,
     )
