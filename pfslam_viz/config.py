@@ -63,6 +63,34 @@ class ResamplingConfig(_Section):
     scheme: Literal["multinomial", "systematic", "stratified", "residual"] = "systematic"
 
 
+class RaoBlackwellizedConfig(_Section):
+    """The filter with a map per particle (Grisetti, Stachniss & Burgard 2007)."""
+
+    update_distance: Positive = Field(0.1, description="m; a scan is used after so much motion ...")
+    update_angle: Positive = Field(0.1, description="rad; ... or so much turning")
+    cell: float = Field(0.05, ge=0.005, le=1.0, description="m")
+    sigma: Positive = Field(0.05, description="m; spread of end points about a wall")
+    floor: float = Field(0.1, gt=0, lt=1, description="share of end points that no wall explains")
+    temper: Positive = Field(0.1, description="exponent of the scan's likelihood: beams are not independent")
+    log_odds_hit: Positive = 0.9
+    log_odds_miss: Positive = 0.1
+    log_odds_bound: Positive = 4.0
+    max_range: Positive = Field(20.0, description="m; beams longer than this are neither matched nor drawn")
+    match_beams: int = Field(180, ge=10, description="end points that are matched, spread evenly along the walls")
+    match_spacing: NonNegative = Field(0.05, description="m between end points that are matched")
+    search_distance: Positive = Field(0.05, description="m; first step of the search")
+    search_angle: Positive = Field(0.02, description="rad; first step of the search")
+    search_halvings: int = Field(5, ge=0, le=10)
+    samples: int = Field(40, ge=1, description="poses drawn round the optimum")
+    sample_distance: Positive = Field(0.01, description="m; their spread")
+    sample_angle: Positive = Field(0.005, description="rad; their spread")
+    noise_distance: Positive = Field(0.05, description="odometry: m of error per m driven")
+    noise_angle: Positive = Field(0.1, description="odometry: rad of error per rad turned")
+    noise_drift: Positive = Field(0.03, description="odometry: rad of error per m driven")
+    least_distance: Positive = Field(0.005, description="odometry: m of error at least")
+    least_angle: Positive = Field(0.002, description="odometry: rad of error at least")
+
+
 class TextureConfig(_Section):
     """The floor texture map, section K."""
 
@@ -82,6 +110,7 @@ class Config(_Section):
     observation: ObservationConfig = ObservationConfig()
     map: MapConfig = MapConfig()
     resampling: ResamplingConfig = ResamplingConfig()
+    rao_blackwellized: RaoBlackwellizedConfig = RaoBlackwellizedConfig()
     texture: TextureConfig = TextureConfig()
 
 
