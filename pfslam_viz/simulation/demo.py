@@ -1,0 +1,20 @@
+"""The ``demo`` recording: simulated on first use."""
+
+from pathlib import Path
+
+from pfslam_viz.simulation.recording import VERSION, manifest_of, simulate
+
+NAME = "demo"
+BUILDING, SEED = "office", 0
+
+
+def ensure_demo(folder: Path) -> Path:
+    """The demo recording's folder, ``folder/demo``, made if it is missing or an older generator's.
+
+    It appears complete or not at all. Raises InputError if it cannot be written, or if other files are in its place.
+    """
+    out = folder / NAME
+    manifest = manifest_of(out)
+    if manifest is None or manifest.get("generator") != VERSION:
+        simulate(out, seed=SEED, building=BUILDING)
+    return out

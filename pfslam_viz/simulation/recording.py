@@ -1,0 +1,159 @@
+"""A simulated recording with known truth, written in the layout of the course's sets."""
+
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pfslam_viz.config import load_robot
+from pfslam_viz.errors import InputError
+from pfslam_viz.simulation.buildings import build
+from pfslam_viz.simulation.drive import DriveConfig, drive_along
+from pfslam_viz.simulation.sensors import (
+    ENCODER_PERIOD,
+    FIELD_OF_VIEW,
+    IMU_PERIOD,
+    LIDAR_PERIOD,
+    RANGE_MAX,
+    RANGE_MIN,
+    SensorErrors,
+    beam_angles,
+    count_ticks,
+    jittered_stamps,
+    read_imu,
+    scan,
+)
+
+VERSION = 1  # of the generator: raised when the same seed gives other bytes
+EPOCH = 1_300_000_000.0  # s, what the recording's clock shows at the start
+SET = 1  # the set's number: Encoders1.npz, ...
+MANIFEST = "simulation.json"
+
+
+def simulate(
+    out: Path,
+    *,
+    seed: int = 0,
+    duration: float | None = None,
+    building: str = "office",
+    frames: bool = True,
+    wheel_scale: float = 1.0,
+    slip: float = 0.01,
+    gyro_bias: float | None = None,
+) -> Path:
+    """Make a recording in the folder ``out``, which appears complete or not at all; the same seed, the same bytes.
+
+    ``ground_truth.npz`` beside the sensors' files holds ``time_stamps`` (n,) s and ``pose`` (n, 3), the rear axle at
+    every lidar stamp in the frame of its pose at rest, and ``walls`` (m, 4) in that frame.
+
+    Args:
+        out: the folder to make. It may exist if it is empty or holds a simulated recording, which is replaced.
+        seed: draws the building, the drive and the sensors' errors.
+        duration: s of the whole recording at most; None drives the building's whole route.
+        building: ``office``, ``ring`` or ``hallway``.
+        frames: whether to render colour and disparity images.
+        wheel_scale, slip, gyro_bias: see :class:`~pfslam_viz.simulation.sensors.SensorErrors`.
+
+    Returns:
+        ``out``.
+
+    Raises:
+        InputError: for a building that does not exist, a duration that is too short, or a folder with other files.
+    """
+    _check_replaceable(out)
+    errors = SensorErrors(wheel_scale=wheel_scale, slip=slip, gyro_bias=gyro_bias)
+    plan_rng, drive_rng, wheel_rng, imu_rng, lidar_rng, camera_rng = (
+        np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6)
+    )
+    world = build(building, plan_rng)
+    drive = drive_along(world.route, drive_rng, DriveConfig(), duration)
+    world, drive = world.seen_from(drive.poses[0]), drive.seen_from(drive.poses[0])
+    robot = load_robot()
+    manifest = {
+        "generator": VERSION, "building": building, "seed": seed, "duration": duration, "frames": frames,
+        "errors": asdict(errors),
+    }  # fmt: skip
+
+    with _folder_in_place(out) as folder:
+        # The camera and the IMU start after the wheels and end before them, as in the real sets; the robot stands then.
+        early, late = drive.still_before, drive.duration - drive.still_after
+        stamps = jittered_stamps(0.02, drive.duration - 0.02, LIDAR_PERIOD, 0.02, lidar_rng)
+        _save(
+            folder / f"Hokuyo{SET}.npz", angle_min=-FIELD_OF_VIEW / 2, angle_max=FIELD_OF_VIEW / 2,
+            angle_increment=FIELD_OF_VIEW / (len(beam_angles()) - 1), range_min=RANGE_MIN, range_max=RANGE_MAX,
+            ranges=scan(world, drive, stamps, robot, lidar_rng, errors).T, time_stamps=EPOCH + stamps,
+        )  # fmt: skip
+        _save(folder / "ground_truth.npz", time_stamps=EPOCH + stamps, pose=drive.at(stamps), walls=world.walls)
+        stamps = jittered_stamps(0.005, drive.duration, ENCODER_PERIOD, 0.02, wheel_rng)
+        counts = count_ticks(drive, stamps, robot, wheel_rng, errors)
+        _save(folder / f"Encoders{SET}.npz", counts=counts, time_stamps=EPOCH + stamps)
+        stamps = jittered_stamps(0.15 * early, late + 0.4 * drive.still_after, IMU_PERIOD, 0.02, imu_rng)
+        gyro, acceleration = read_imu(drive, stamps, imu_rng, errors)
+        _save(
+            folder / f"Imu{SET}.npz", angular_velocity=gyro, linear_acceleration=acceleration,
+            time_stamps=EPOCH + stamps,
+        )  # fmt: skip
+        if frames:
+            from pfslam_viz.simulation.kinect import film
+
+            color, disparity = film(folder / "dataRGBD", SET, world, drive, robot, camera_rng)
+            _save(
+                folder / f"Kinect{SET}.npz",
+                disparity_time_stamps=EPOCH + disparity, rgb_time_stamps=EPOCH + color,
+            )  # fmt: skip
+        (folder / MANIFEST).write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
+    return out
+
+
+def manifest_of(folder: Path) -> dict[str, object] | None:
+    """What the recording in ``folder`` was made with; None if it is not a complete simulated one."""
+    try:
+        manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return manifest if isinstance(manifest, dict) else None
+
+
+def _save(path: Path, **arrays: Any) -> None:
+    # NumPy stamps every member of the archive 1980-01-01, so the bytes depend on the arrays alone.
+    values: dict[str, Any] = {key: np.asarray(value) for key, value in arrays.items()}
+    np.savez_compressed(path, **values)
+
+
+def _check_replaceable(out: Path) -> None:
+    if out.is_dir():
+        if any(out.iterdir()) and manifest_of(out) is None:
+            raise InputError(f"{out}: holds files that are not a simulated recording; give a new or empty folder")
+    elif out.exists():
+        raise InputError(f"{out}: is a file; give the folder to make")
+
+
+@contextmanager
+def _folder_in_place(out: Path) -> Iterator[Path]:
+    """A temporary folder beside ``out`` that takes its place on success and is deleted on any failure."""
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}.", suffix=".part", dir=out.parent))
+    except OSError as error:
+        raise InputError(f"{out}: cannot be made: {error.strerror}") from None
+    try:
+        yield temporary
+        temporary.chmod(0o777 & ~_umask())
+        if out.is_dir():
+            shutil.rmtree(out)
+        temporary.rename(out)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
