@@ -60,6 +60,14 @@ class Frames:
 
 
 @dataclass(frozen=True, slots=True)
+class Stream:
+    """One sensor's samples as they came: its name in words and the stamps (n,) s, in order of time."""
+
+    name: str
+    stamps: Array
+
+
+@dataclass(frozen=True, slots=True)
 class Recording:
     """A robot's drive: n scans of B beams, and the odometry between them.
 
@@ -75,6 +83,7 @@ class Recording:
         truth: true poses of the robot frame, if known.
         relations: true relative poses, if known.
         notes: what was wrong with the files and how it was handled, a sentence each.
+        streams: every sensor's own stamps, for ``info``; no algorithm needs them.
     """
 
     name: str
@@ -88,6 +97,7 @@ class Recording:
     truth: Trajectory | None = None
     relations: Relations | None = None
     notes: tuple[str, ...] = field(default_factory=tuple)
+    streams: tuple[Stream, ...] = field(default_factory=tuple)
 
     def __len__(self) -> int:
         return len(self.stamps)
@@ -125,4 +135,5 @@ class Recording:
             truth=self.truth,
             relations=self.relations,
             notes=self.notes,
+            streams=self.streams,
         )

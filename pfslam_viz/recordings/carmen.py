@@ -1,0 +1,256 @@
+"""CARMEN logs: FLASER, ROBOTLASER1 and GMapping's LASER_READING, a message a line; plain, .gz or .bz2.
+
+Scans are sorted by the ipc time stamp. The laser's beams are of one grid of angles for the whole log; a scan with fewer
+beams than the widest has no return in those it lacks.
+"""
+
+import bz2
+import gzip
+import math
+import zlib
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pfslam_viz import geometry
+from pfslam_viz.errors import InputError
+from pfslam_viz.recordings.carmen_lines import Messages, Scans, read_messages
+from pfslam_viz.recordings.recording import Lidar, Recording, Relations, Stream
+from pfslam_viz.recordings.stamps import order, spread_repeats
+
+Array = NDArray[np.float64]
+
+SUFFIXES = (".log", ".clf", ".gfs")
+COMPRESSED = (".gz", ".bz2")
+
+# SICK LMS scanners, which nearly all of these logs come from, say "no return" by error codes of 81.83 to 81.91 m.
+_LMS_ERROR_CODES = (81.8, 82.0)
+_LMS_RANGE = 80.0
+# A reading nearer than this (m) is the scanner's own error code, or its window.
+_RANGE_MIN = 0.05
+# How far, in beams, a scan's first angle may lie off the grid of beam angles: logs round angles to 1e-6 rad.
+_OFF_GRID = 0.02
+
+
+def is_log(path: Path) -> bool:
+    """Whether a file is called like a CARMEN log: NAME.log, .clf or .gfs, perhaps with .gz or .bz2 behind."""
+    return _split(path)[1] != ""
+
+
+def log_name(path: Path) -> str:
+    """``intel`` for ``intel.clf.bz2``."""
+    return _split(path)[0]
+
+
+def load(path: Path, name: str | None = None) -> Recording:
+    """Read one log, and ``NAME.relations`` beside it if there is one.
+
+    The odometry is that of the robot (FLASER's odom_*, ROBOTLASER1's robot pose); the lidar's place on the robot is
+    ROBOTLASER1's, or PARAM robot_frontlaser_offset (and _side_offset, _angular_offset). FLASER does not give angles:
+    180 and 181 beams are 1 degree apart, 360 and 361 half a degree, from -90 degrees; other counts span 180 degrees.
+
+    Raises:
+        InputError: the file is missing or damaged, or holds no scans.
+    """
+    notes: list[str] = []
+    messages = read_messages(_read(path))
+    if messages.unreadable:
+        notes.append(f"{messages.unreadable} lines could not be read and are left out")
+    scans = _choose(messages, path, notes)
+    kept = order(scans.stamps, "lidar", notes)
+    scans = scans.take(kept)
+    if len(scans.stamps) == 0:
+        raise InputError(f"{path}: no scan has a valid time stamp")
+    scans = _without_repeats(scans, notes)
+    poses = _robot_poses(scans, messages, notes)
+    angles, ranges, on_grid = _beams(scans, notes)
+    if not on_grid.all():
+        scans, poses = scans.take(np.flatnonzero(on_grid)), poses[on_grid]
+    if bad := int((~np.isfinite(ranges)).sum()):
+        notes.append(f"lidar: {bad} ranges that are NaN or infinite taken as no return")
+        ranges[~np.isfinite(ranges)] = 0.0
+    steps = np.zeros((len(poses), 3))
+    steps[1:] = geometry.between(poses[:-1], poses[1:])
+    streams = [Stream("lidar", scans.stamps)]
+    if len(messages.odometry):
+        stamps = messages.odometry[:, 3]
+        streams.append(Stream("odometry", stamps[order(stamps, "odometry", notes)]))
+    return Recording(
+        name=name or log_name(path),
+        format="carmen",
+        path=path,
+        stamps=scans.stamps,
+        ranges=ranges,
+        lidar=Lidar(angles, _RANGE_MIN, _range_max(ranges, scans, messages), _mount(scans, messages)),
+        odometry=steps,
+        relations=_read_relations(path, notes),
+        notes=tuple(notes),
+        streams=tuple(streams),
+    )
+
+
+def _split(path: Path) -> tuple[str, str]:
+    """The name and the format's suffix, or ``""``, of a log's file name."""
+    bare = path.name[: -len(path.suffix)] if path.suffix.lower() in COMPRESSED else path.name
+    suffix = Path(bare).suffix
+    return (bare[: -len(suffix)], suffix) if suffix.lower() in SUFFIXES else (bare, "")
+
+
+def _read(path: Path) -> bytes:
+    """The text of a log, decompressed by what the file is rather than by what it is called."""
+    try:
+        data = path.read_bytes()
+        if data.startswith(b"BZh"):
+            data = bz2.decompress(data)
+        elif data.startswith(b"\x1f\x8b"):
+            data = gzip.decompress(data)
+        elif path.suffix.lower() in COMPRESSED and data:
+            raise InputError(f"{path}: not a {path.suffix} file; get it again")
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except (EOFError, ValueError, zlib.error, gzip.BadGzipFile):
+        raise InputError(f"{path}: damaged or only half downloaded; get it again") from None
+    except OSError as error:
+        if error.errno is None:  # bz2 reports broken data this way
+            raise InputError(f"{path}: damaged; get it again") from None
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    if not data.strip():
+        raise InputError(f"{path}: empty")
+    return data
+
+
+def _choose(messages: Messages, path: Path, notes: list[str]) -> Scans:
+    """The scans of the message type that the log has most of: several types are the same scanner logged twice."""
+    kinds = {kind: scans for kind, scans in messages.scans.items() if len(scans.stamps)}
+    if not kinds:
+        raise InputError(f"{path}: holds no scans (no FLASER, ROBOTLASER1 or LASER_READING lines)")
+    best = max(kinds, key=lambda kind: len(kinds[kind].stamps))
+    for kind in kinds:
+        if kind != best:
+            notes.append(f"{len(kinds[kind].stamps)} {kind} lines are not used: the scans are taken from {best}")
+    return kinds[best]
+
+
+def _without_repeats(scans: Scans, notes: list[str]) -> Scans:
+    """Scans logged twice left out, others of equal stamp moved apart."""
+    same = np.flatnonzero(np.diff(scans.stamps) == 0) + 1
+    if len(same) == 0:
+        return scans
+    copies = [k for k in same if np.array_equal(scans.ranges[k], scans.ranges[k - 1])]
+    if copies:
+        notes.append(f"lidar: {len(copies)} scans logged twice left out")
+        scans = scans.take(np.setdiff1d(np.arange(len(scans.stamps)), copies))
+    if len(copies) < len(same):
+        notes.append(f"lidar: {len(same) - len(copies)} scans repeat the stamp before; spread up to the next stamp")
+    return scans.at(spread_repeats(scans.stamps))
+
+
+def _robot_poses(scans: Scans, messages: Messages, notes: list[str]) -> Array:
+    """The robot's raw odometry at every scan (n, 3); from the ODOM lines when the scans carry none."""
+    if not np.isfinite(scans.robot).all():
+        bad: NDArray[np.bool_] = ~np.isfinite(scans.robot).all(axis=1)
+        notes.append(f"odometry: {int(bad.sum())} poses that are no numbers; the last one before is held")
+        held = np.maximum.accumulate(np.where(bad, 0, np.arange(len(bad))))
+        scans.robot[:] = np.nan_to_num(scans.robot[held])
+    odometry = messages.odometry[np.isfinite(messages.odometry).all(axis=1)]
+    still = len(scans.robot) > 1 and not np.ptp(scans.robot, axis=0).any()
+    if still and len(odometry) and np.ptp(odometry[:, :3], axis=0).any():
+        notes.append("odometry: the scans carry none; interpolated from the ODOM lines")
+        odometry = odometry[np.argsort(odometry[:, 3], kind="stable")]
+        return geometry.interpolate_poses(odometry[:, 3], odometry[:, :3], scans.stamps)
+    return scans.robot
+
+
+def _beams(scans: Scans, notes: list[str]) -> tuple[Array, NDArray[np.float32], NDArray[np.bool_]]:
+    """One grid of beam angles (B,), the ranges on it (k, B), and which scans (n,) bool fit it.
+
+    Scans may differ in their number of beams or, interlaced, in their first angle: the grid then has all beams of all
+    scans, and a scan has no return (range 0) where it has no beam. A scan that does not fit the grid is left out.
+    """
+    shapes = list(zip(scans.start.tolist(), scans.resolution.tolist(), scans.beams.tolist(), strict=True))
+    (start, resolution, usual), _ = Counter(shapes).most_common(1)[0]
+    finer = _finer_grid((scans.start - start) / resolution)
+    step = resolution / finer
+    offset = (scans.start - start) / step
+    first = np.rint(offset).astype(int)
+    fits = (np.abs(offset - first) < _OFF_GRID) & (np.abs(scans.resolution / resolution - 1) * scans.beams < 0.5)
+    if not fits.all():
+        notes.append(f"lidar: {int((~fits).sum())} scans with other beam angles than most left out")
+    first, beams, rows = first[fits], scans.beams[fits], np.flatnonzero(fits)
+    low = int(first.min())
+    high = int((first + finer * (beams - 1)).max())
+    ranges = np.zeros((len(rows), high - low + 1), dtype=np.float32)
+    for (at, count), group in _groups(first, beams):
+        ranges[group, at - low : at - low + finer * count : finer] = [scans.ranges[k] for k in rows[group]]
+    if (beams != usual).any():
+        counts = " or ".join(str(n) for n in np.unique(beams))
+        notes.append(f"lidar: scans have {counts} beams; where a scan has no beam it has no return")
+    if finer > 1:
+        notes.append(f"lidar: scans are interlaced at 1/{finer} of a beam; each fills every {finer}th of all beams")
+    return start + step * np.arange(low, high + 1), ranges, fits
+
+
+def _finer_grid(offsets: Array) -> int:
+    """Into how many parts a beam's width must be divided so that all first angles, in beams, fall on the grid."""
+    for parts in (1, 2, 3, 4):
+        off = np.abs(parts * offsets - np.rint(parts * offsets))
+        if (off < _OFF_GRID).mean() > 0.9:
+            return parts
+    return 1
+
+
+def _groups(first: NDArray[np.intp], beams: NDArray[np.intp]) -> list[tuple[tuple[int, int], NDArray[np.intp]]]:
+    pairs, which = np.unique(np.stack([first, beams], axis=1), axis=0, return_inverse=True)
+    return [((int(a), int(b)), np.flatnonzero(which.reshape(-1) == k)) for k, (a, b) in enumerate(pairs)]
+
+
+def _range_max(ranges: NDArray[np.float32], scans: Scans, messages: Messages) -> float:
+    """The range in m above which a reading is no return.
+
+    What the log declares (ROBOTLASER1's max_range, PARAM robot_front_laser_max), else 80 m, an LMS's range. Below the
+    LMS's error codes in any case. Logs whose range was cut, such as aces at 50 m, repeat that one value: if the
+    log's largest reading from 20 m up comes again and again (three times, 0.1 % of all readings, and more often than
+    all readings within 5 % below it), it is no return, and the limit lies just under it.
+    """
+    declared = scans.max_range[np.isfinite(scans.max_range) & (scans.max_range > 0)]
+    limit = float(np.median(declared)) if len(declared) else messages.parameters.get("robot_front_laser_max", 0.0)
+    if limit <= 0 or _LMS_ERROR_CODES[0] <= limit <= _LMS_ERROR_CODES[1]:
+        limit = _LMS_RANGE
+    measured = ranges[(ranges >= _RANGE_MIN) & (ranges <= limit)]
+    if len(measured) == 0:
+        return limit
+    top = float(measured.max())
+    repeats = int((measured >= np.float32(top)).sum())
+    below = int(((measured >= 0.95 * top) & (measured < np.float32(top))).sum())
+    if top >= 20.0 and repeats >= max(3, 0.001 * ranges.size) and repeats > below:
+        return math.floor(top * 100.0 - 0.5) / 100.0
+    return limit
+
+
+def _mount(scans: Scans, messages: Messages) -> Array:
+    """The lidar's pose (3,) on the robot."""
+    if scans.on_robot:
+        mounts = geometry.between(scans.robot, scans.laser)
+        mounts = mounts[np.isfinite(mounts).all(axis=1)]
+        # Written with six decimals; far from the origin the difference is a little rough.
+        return np.round(np.median(mounts, axis=0), 4) + 0.0 if len(mounts) else np.zeros(3)
+    get = messages.parameters.get
+    x, y = get("robot_frontlaser_offset", 0.0), get("robot_frontlaser_side_offset", 0.0)
+    return np.array([x, y, get("robot_frontlaser_angular_offset", 0.0)])
+
+
+def _read_relations(path: Path, notes: list[str]) -> Relations | None:
+    """``NAME.relations`` beside the log: ``t1 t2 x y z roll pitch yaw`` a line."""
+    beside = path.with_name(f"{log_name(path)}.relations")
+    if not beside.exists():
+        return None
+    try:
+        table = np.loadtxt(beside, dtype=np.float64, ndmin=2)
+    except (OSError, ValueError):
+        table = np.zeros((0, 0))
+    if table.shape[1] != 8 or len(table) == 0 or not np.isfinite(table).all():
+        notes.append(f"relations: {beside.name} is damaged (t1 t2 x y z roll pitch yaw a line is expected); left out")
+        return None
+    return Relations(start=table[:, 0], end=table[:, 1], poses=table[:, [2, 3, 7]])

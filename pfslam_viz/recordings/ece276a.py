@@ -1,0 +1,332 @@
+"""The course's sets: EncodersN.npz, HokuyoN.npz, ImuN.npz and, if there, KinectN.npz with dataRGBD/.
+
+All streams are brought to the lidar's stamps. The files may lie in the folder given or in ``data/`` below it, several
+sets together; ``dataRGBD/`` may lie beside them or up to two folders above.
+"""
+
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pfslam_viz.config import load_robot
+from pfslam_viz.errors import InputError
+from pfslam_viz.recordings import npz
+from pfslam_viz.recordings.recording import Frames, Lidar, Recording, Stream, Trajectory
+from pfslam_viz.recordings.stamps import order, spread_repeats
+from pfslam_viz.recordings.wheel_odometry import WheelOdometry
+from pfslam_viz.robot import Robot
+
+Array = NDArray[np.float64]
+
+REQUIRED = ("Encoders", "Hokuyo", "Imu")
+KINECT = "Kinect"
+_FILE = re.compile(rf"({'|'.join(REQUIRED)}|{KINECT})(\d+)\.npz")
+# A sensor that starts later or ends earlier than the lidar by more than this (s) is worth a note.
+_SLACK = 0.1
+
+
+def set_number(path: Path) -> str | None:
+    """The set that a file belongs to by its name: ``"21"`` for ``Hokuyo21.npz``, None for other files."""
+    match = _FILE.fullmatch(path.name)
+    return match[2] if match else None
+
+
+def sets_in(folder: Path) -> dict[str, set[str]]:
+    """The sets that have files in this very folder, and which: ``{"21": {"Encoders", "Imu"}}``."""
+    sets: dict[str, set[str]] = {}
+    try:
+        names = sorted(os.listdir(folder))  # noqa: PTH208 - names are all that is needed
+    except OSError:
+        return sets
+    for name in names:
+        if match := _FILE.fullmatch(name):
+            sets.setdefault(match[2], set()).add(match[1])
+    return sets
+
+
+def find_set(folder: Path, number: str) -> Path | None:
+    """The folder with files of set ``number``: ``folder`` or ``folder/data``; the more complete one."""
+    candidates = [(len(sets_in(place).get(number, ())), place) for place in (folder, folder / "data")]
+    files, place = max(candidates, key=lambda candidate: candidate[0])
+    return place if files else None
+
+
+def missing_files(folder: Path, number: str) -> list[str]:
+    """Names of the files that set ``number`` in this very folder lacks to be replayed."""
+    return [f"{kind}{number}.npz" for kind in REQUIRED if kind not in sets_in(folder).get(number, ())]
+
+
+def locate(path: Path, number: str | None = None) -> tuple[Path, str]:
+    """The folder of a set's files and the set's number, from any path that stands for one set.
+
+    ``path`` is a folder or one of a set's files. Raises InputError when there is no set, or more than one and
+    ``number`` does not choose.
+    """
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder")
+    if path.is_file():
+        found = set_number(path)
+        if found is None:
+            raise InputError(f"{path}: not a file of a set, which are called like Hokuyo21.npz")
+        return path.parent, number or found
+    if number is None:
+        numbers = sorted({n for place in (path, path / "data") for n in sets_in(place)}, key=int)
+        if not numbers:
+            raise InputError(f"{path}: holds no set (Encoders21.npz, Hokuyo21.npz, Imu21.npz or another number)")
+        if len(numbers) > 1:
+            example = path / f"Hokuyo{numbers[0]}.npz"
+            raise InputError(f"{path}: holds the sets {', '.join(numbers)}; choose one, such as {example}")
+        number = numbers[0]
+    place = find_set(path, number)
+    if place is None:
+        raise InputError(f"{path}: holds no file of set {number} (Hokuyo{number}.npz and others)")
+    return place, number
+
+
+def load(path: Path, number: int | str | None = None, robot: Robot | None = None, name: str | None = None) -> Recording:
+    """Read one set.
+
+    Args:
+        path: a folder (see the module's text) or one of a set's files, such as Hokuyo21.npz.
+        number: which set, if the folder holds several.
+        robot: its geometry; the course's robot by default.
+        name: what to call the recording; the set's number by default.
+
+    Raises:
+        InputError: a file is missing, damaged, lacks a key, or holds arrays that do not fit each other.
+    """
+    robot = robot or load_robot()
+    folder, set_name = locate(path, None if number is None else str(number))
+    if missing := missing_files(folder, set_name):
+        raise InputError(f"{folder}: set {set_name} lacks {', '.join(missing)}")
+    notes: list[str] = []
+    scans = _read_scans(folder / f"Hokuyo{set_name}.npz", robot, notes)
+    sensors = read_sensors(folder, set_name, robot)
+    notes += sensors.notes
+    first, last = float(scans.stamps[0]), float(scans.stamps[-1])
+    for stream in sensors.streams:
+        _check_overlap(folder, set_name, stream, first, last)
+    notes += _held(sensors.odometry, first, last)
+    frames, frame_streams = _read_frames(folder, set_name, robot, notes)
+    return Recording(
+        name=name or set_name,
+        format="ece276a",
+        path=folder,
+        stamps=scans.stamps,
+        ranges=scans.ranges,
+        lidar=scans.lidar,
+        odometry=sensors.odometry.increments(scans.stamps),
+        frames=frames,
+        truth=_read_truth(folder, set_name, first, last, notes),
+        notes=tuple(notes),
+        streams=(Stream("lidar", scans.stamps), *sensors.streams, *frame_streams),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Sensors:
+    """Encoders and IMU of one set; there is no lidar in it. ``streams`` are their stamps."""
+
+    odometry: WheelOdometry
+    streams: tuple[Stream, Stream]
+    notes: tuple[str, ...]
+
+
+def read_sensors(folder: Path, number: str, robot: Robot) -> Sensors:
+    """Read encoders and IMU alone: all that dead reckoning needs. ``folder`` holds the files themselves."""
+    notes: list[str] = []
+    path = folder / f"Encoders{number}.npz"
+    arrays = npz.read_arrays(path, ["counts", "time_stamps"])
+    wheel_stamps = npz.vector(arrays, "time_stamps", path)
+    counts = npz.matrix(arrays, "counts", path, 4, len(wheel_stamps)).astype(np.float64)
+    kept = order(wheel_stamps, "encoders", notes)
+    wheel_stamps, counts = wheel_stamps[kept], counts[:, kept]
+    _require_samples(path, wheel_stamps)
+    if bad := int((~np.isfinite(counts)).any(axis=0).sum()):
+        notes.append(f"encoders: {bad} readings that are no numbers taken as 0 ticks")
+        counts = np.where(np.isfinite(counts), counts, 0.0)
+
+    path = folder / f"Imu{number}.npz"
+    arrays = npz.read_arrays(path, ["angular_velocity", "time_stamps"])
+    gyro_stamps = npz.vector(arrays, "time_stamps", path)
+    yaw_rate = npz.matrix(arrays, "angular_velocity", path, 3, len(gyro_stamps))[2].astype(np.float64)
+    finite = np.isfinite(yaw_rate)
+    if not finite.all():
+        notes.append(f"IMU: {int((~finite).sum())} yaw rates that are no numbers left out")
+        gyro_stamps, yaw_rate = gyro_stamps[finite], yaw_rate[finite]
+    kept = order(gyro_stamps, "IMU", notes)
+    gyro_stamps, yaw_rate = gyro_stamps[kept], yaw_rate[kept]
+    _require_samples(path, gyro_stamps)
+    odometry = WheelOdometry.from_sensors(wheel_stamps, counts, robot.meters_per_tick, gyro_stamps, yaw_rate)
+    return Sensors(odometry, (Stream("encoders", wheel_stamps), Stream("IMU", gyro_stamps)), tuple(notes))
+
+
+@dataclass(frozen=True, slots=True)
+class _Scans:
+    stamps: Array
+    ranges: NDArray[np.float32]
+    lidar: Lidar
+
+
+def _read_scans(path: Path, robot: Robot, notes: list[str]) -> _Scans:
+    limits = ("angle_min", "angle_max", "range_min", "range_max")
+    arrays = npz.read_arrays(path, ["ranges", "time_stamps", *limits], ["angle_increment"])
+    stamps = npz.vector(arrays, "time_stamps", path)
+    angle_min, angle_max, range_min, range_max = (npz.scalar(arrays, key, path) for key in limits)
+    if not (angle_min < angle_max and 0 <= range_min < range_max):
+        raise InputError(f"{path}: angle or range limits are the wrong way round")
+    by_beam = npz.matrix(arrays, "ranges", path, -1, len(stamps))
+    if len(stamps) == 0 or len(by_beam) == 0:
+        raise InputError(f"{path}: holds no scans")
+    increment = npz.scalar(arrays, "angle_increment", path) if "angle_increment" in arrays else None
+    angles = _beam_angles(path, len(by_beam), angle_min, angle_max, increment, notes)
+    with np.errstate(over="ignore", invalid="ignore"):
+        ranges = np.ascontiguousarray(by_beam.T, dtype=np.float32)
+    if bad := int((~np.isfinite(ranges)).sum()):
+        notes.append(f"lidar: {bad} ranges that are NaN or infinite taken as no return")
+        ranges[~np.isfinite(ranges)] = 0.0
+    kept = order(stamps, "lidar", notes)
+    if len(kept) == 0:
+        raise InputError(f"{path}: no scan has a valid time stamp")
+    stamps, ranges = stamps[kept], ranges[kept]
+    stamps, ranges = _without_repeats(stamps, ranges, notes)
+    x, y, z = robot.lidar.position
+    pose = np.array([x, y, robot.lidar.yaw])
+    return _Scans(stamps, ranges, Lidar(angles, range_min, range_max, pose, z + robot.axle_height))
+
+
+def _beam_angles(
+    path: Path, beams: int, angle_min: float, angle_max: float, increment: float | None, notes: list[str]
+) -> Array:
+    angles = np.linspace(angle_min, angle_max, beams)
+    if increment is None or beams == 1:
+        return angles
+    expected = (angle_max - angle_min) / increment + 1
+    if abs(expected - beams) > 1.5:
+        raise InputError(
+            f"{path}: ranges has {beams} beams, but angle_min, angle_max and angle_increment make {expected:.0f}"
+        )
+    if abs(expected - beams) > 0.5:
+        notes.append(f"lidar: {beams} beams spread over the angle limits; angle_increment would make {expected:.0f}")
+    return angles
+
+
+def _without_repeats(stamps: Array, ranges: NDArray[np.float32], notes: list[str]) -> tuple[Array, NDArray[np.float32]]:
+    """Scans logged twice left out, other scans of equal stamp moved apart: stamps must strictly increase."""
+    same = np.flatnonzero(np.diff(stamps) == 0) + 1
+    if len(same) == 0:
+        return stamps, ranges
+    copies = same[(ranges[same] == ranges[same - 1]).all(axis=1)]
+    if len(copies):
+        notes.append(f"lidar: {len(copies)} scans logged twice left out")
+        stamps, ranges = np.delete(stamps, copies), np.delete(ranges, copies, axis=0)
+    if len(copies) < len(same):
+        notes.append(f"lidar: {len(same) - len(copies)} scans repeat the stamp before; spread up to the next stamp")
+    return spread_repeats(stamps, spacing=0.025), ranges
+
+
+def _require_samples(path: Path, stamps: Array) -> None:
+    if len(stamps) == 0:
+        raise InputError(f"{path}: holds no samples")
+
+
+def _check_overlap(folder: Path, number: str, stream: Stream, first: float, last: float) -> None:
+    start, end = float(stream.stamps[0]), float(stream.stamps[-1])
+    if end < first or start > last:
+        raise InputError(
+            f"{folder}: {stream.name} and lidar of set {number} do not overlap in time; are they of one drive?"
+        )
+
+
+def _held(odometry: WheelOdometry, first: float, last: float) -> list[str]:
+    """Notes on the time of the scans that encoders or IMU do not cover, where they are taken to rest."""
+    notes = []
+    for what, stamps in (("encoders", odometry.wheel_stamps), ("IMU", odometry.gyro_stamps)):
+        late, early = float(stamps[0]) - first, last - float(stamps[-1])
+        if late > _SLACK:
+            notes.append(f"{what}: start {late:.2f} s after the first scan; taken to rest until then")
+        if early > _SLACK:
+            notes.append(f"{what}: end {early:.2f} s before the last scan; taken to rest from then on")
+    rolled = odometry.rolled_between(float(odometry.gyro_stamps[-1]), last)
+    if abs(rolled) > 0.05:
+        notes.append(f"IMU: the wheels roll another {rolled:.2f} m after its end; turns in them are not seen")
+    return notes
+
+
+def _read_frames(folder: Path, number: str, robot: Robot, notes: list[str]) -> tuple[Frames | None, tuple[Stream, ...]]:
+    """The Kinect's stamps and images. What is wrong with them costs the images, not the recording."""
+    path = folder / f"{KINECT}{number}.npz"
+    camera = robot.ground_camera()
+    if not path.exists():
+        return None, ()
+    try:
+        arrays = npz.read_arrays(path, ["rgb_time_stamps", "disparity_time_stamps"])
+        color_stamps = npz.vector(arrays, "rgb_time_stamps", path)
+        disparity_stamps = npz.vector(arrays, "disparity_time_stamps", path)
+    except InputError as error:
+        notes.append(f"camera: left out; {error}")
+        return None, ()
+    color_paths = _images(folder, f"RGB{number}", f"rgb{number}_", len(color_stamps), notes)
+    disparity_paths = _images(folder, f"Disparity{number}", f"disparity{number}_", len(disparity_stamps), notes)
+    kept = order(color_stamps, "colour frames", notes)
+    color_stamps, color_paths = color_stamps[kept], tuple(color_paths[k] for k in kept)
+    kept = order(disparity_stamps, "disparity frames", notes)
+    disparity_stamps, disparity_paths = disparity_stamps[kept], tuple(disparity_paths[k] for k in kept)
+    streams = (Stream("disparity frames", disparity_stamps), Stream("colour frames", color_stamps))
+    color, disparity = (sum(p is not None for p in paths) for paths in (color_paths, disparity_paths))
+    if color == disparity == 0:
+        notes.append(f"camera: {path.name} has stamps, but there are no images in dataRGBD/ beside or above {folder}")
+        return None, streams
+    for what, have, stamps in (("colour", color, color_stamps), ("disparity", disparity, disparity_stamps)):
+        if have < len(stamps):
+            notes.append(f"camera: {have} of {len(stamps)} {what} frames are here")
+    if camera is None:
+        notes.append("camera: the robot file has no camera; the images are left out")
+        return None, streams
+    return Frames(color_stamps, color_paths, disparity_stamps, disparity_paths, camera), streams
+
+
+def _images(folder: Path, subfolder: str, prefix: str, count: int, notes: list[str]) -> tuple[Path | None, ...]:
+    """Paths of images 1 to ``count``, None for those that are not there. One listing, not a look per file."""
+    for place in (folder, folder.parent, folder.parent.parent):
+        images = place / "dataRGBD" / subfolder
+        if images.is_dir():
+            there = set(os.listdir(images))  # noqa: PTH208
+            break
+    else:
+        return (None,) * count
+    names = [f"{prefix}{k}.png" for k in range(1, count + 1)]
+    known = set(names)
+    if extra := sum(name.startswith(prefix) and name.endswith(".png") and name not in known for name in there):
+        notes.append(f"camera: {extra} images in {subfolder} have no time stamp; left out")
+    return tuple(images / name if name in there else None for name in names)
+
+
+def _read_truth(folder: Path, number: str, first: float, last: float, notes: list[str]) -> Trajectory | None:
+    """``ground_truthN.npz`` or ``ground_truth.npz`` beside the set, if it is of the same time."""
+    for path in (folder / f"ground_truth{number}.npz", folder / "ground_truth.npz"):
+        if path.exists():
+            break
+    else:
+        return None
+    try:
+        arrays = npz.read_arrays(path, ["time_stamps", "pose"])
+        stamps = npz.vector(arrays, "time_stamps", path)
+        if (poses := arrays["pose"]).shape != (len(stamps), 3):
+            poses = npz.matrix(arrays, "pose", path, 3, len(stamps)).T
+        poses = poses.astype(np.float64)
+    except InputError as error:
+        notes.append(f"truth: left out; {error}")
+        return None
+    kept = order(stamps, "truth", notes)
+    stamps, poses = stamps[kept], poses[kept]
+    usable = np.isfinite(poses).all(axis=1) & (np.diff(stamps, prepend=-np.inf) > 0)
+    stamps, poses = stamps[usable], poses[usable]
+    if len(stamps) == 0 or stamps[-1] < first or stamps[0] > last:
+        notes.append(f"truth: {path.name} does not overlap the scans in time; left out")
+        return None
+    return Trajectory(stamps, poses)
