@@ -4,6 +4,7 @@ import math
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from types import TracebackType
 
@@ -19,9 +20,18 @@ COMPILING = "compiling kernels (first run on this machine)"
 COMPILING_AFTER = 1.5  # s; kernels from the cache are loaded in less
 
 
+@cache
 def messages() -> Console:
-    """Where progress and remarks go: stderr, so that stdout holds results only."""
+    """Where progress and remarks go: stderr, so that stdout holds results only.
+
+    One console for all of them, so that a remark does not tear a progress bar.
+    """
     return Console(stderr=True, highlight=False)
+
+
+def tell(message: str) -> None:
+    """A remark to the user, a line on stderr."""
+    messages().print(message, markup=False, soft_wrap=True)
 
 
 def results(to_stderr: bool = False) -> Console:

@@ -133,11 +133,18 @@ class SinkChoice:
         return SinkChoice(spawn=True, bind=self.bind)
 
     def open(self) -> AbstractContextManager[Any]:
-        """The viewer's sink to all of these."""
+        """The viewer's sink to all of these; what happens to them is told on stderr."""
+        from pfslam_viz.console import tell
         from pfslam_viz.viewer.sinks import open_sinks
 
         return open_sinks(
-            save=self.save, spawn=self.spawn, serve=self.serve, connect=self.connect, stdout=self.stdout, bind=self.bind
+            save=self.save,
+            spawn=self.spawn,
+            serve=self.serve,
+            bind=self.bind,
+            connect=self.connect,
+            stdout=self.stdout,
+            on_message=tell,
         )
 
     def check(self) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 from pfslam_viz import console
 from pfslam_viz.commands.choices import ConfigChoice, DetailChoice, RecordingChoice, SinkChoice
-from pfslam_viz.commands.interrupt import Interrupted, stop_on_interrupt
+from pfslam_viz.commands.interrupt import Interrupted, stop_on_interrupt, wait_for_interrupt
 from pfslam_viz.config import Config
 from pfslam_viz.files import check_writable
 from pfslam_viz.recordings.recording import Recording
@@ -36,6 +36,8 @@ def run(
         result, log_seconds = _replay(recording, config, stream, quiet)
         if stream is not None:
             stream.finish(result)
+        if sinks.serve and not result.interrupted:
+            wait_for_interrupt()
     if export is not None and len(result.stamps):
         with console.status("writing the export", quiet):
             _export(result, export)
@@ -54,7 +56,7 @@ def load(chosen: RecordingChoice, config_choice: ConfigChoice, quiet: bool) -> t
         recording = chosen.load()
     if not quiet:
         for note in recording.notes:
-            console.messages().print(f"note: {note}", markup=False)
+            console.tell(f"note: {note}")
     return recording, config_choice.load(recording.format)
 
 
