@@ -14,6 +14,7 @@ from pfslam_viz.slam.observation import ScanReader
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.slam.particle_filter import ParticleFilter
 from pfslam_viz.slam.protocol import Slam
+from pfslam_viz.slam.rao_blackwellized import RaoBlackwellizedFilter
 from pfslam_viz.step import Step
 
 Array = NDArray[np.float64]
@@ -137,6 +138,8 @@ class Replay:
 
 def make_slam(config: Config) -> Slam:
     """The back end that the configuration names."""
+    if config.backend == "rao_blackwellized":
+        return RaoBlackwellizedFilter(config)
     return ParticleFilter(config)
 
 

@@ -1,0 +1,39 @@
+"""One particle's map, looked at as an occupancy grid."""
+
+from pfslam_viz.config import Config
+from pfslam_viz.slam.occupancy_grid import OccupancyGrid
+from pfslam_viz.slam.tile_maps import TileMaps
+
+
+class BestMap(OccupancyGrid):
+    """The occupancy grid of one map of :class:`TileMaps`: copied out of the tiles when somebody looks, not before."""
+
+    def __init__(self, config: Config, maps: TileMaps) -> None:
+        s = config.rao_blackwellized
+        self._stale = False
+        super().__init__(
+            config.map.model_copy(
+                update={
+                    "cell": s.cell,
+                    "log_odds_hit": s.log_odds_hit,
+                    "log_odds_miss": s.log_odds_miss,
+                    "log_odds_bound": s.log_odds_bound,
+                    "threshold": 0.0,
+                }
+            )
+        )
+        self._maps, self._index = maps, 0
+
+    def follow(self, index: int) -> None:
+        """From now on this is map ``index``, as it will be when looked at."""
+        self._index, self._stale = index, True
+
+    def __getattribute__(self, name: str) -> object:
+        if name in ("log_odds", "occupied", "origin", "shape", "lower_left", "_marks") and super().__getattribute__("_stale"):
+            self._refresh()
+        return super().__getattribute__(name)
+
+    def _refresh(self) -> None:
+        self._stale = False
+        self.log_odds, self.origin = self._maps.log_odds_of(self._index)
+        self.occupied = (self.log_odds > 0.0).view("uint8")

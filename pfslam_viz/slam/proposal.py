@@ -1,0 +1,147 @@
+"""The improved proposal of Grisetti, Stachniss & Burgard (2007): match the scan, then look round the optimum.
+
+For every particle the posterior of the pose, log p(scan | map, pose) + log p(pose | odometry), is climbed from the
+odometry's pose; poses sampled round the optimum then give its mean, covariance and the evidence that weighs the
+particle.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pfslam_viz.slam.tile_maps import Field, Floats, Index, agreement
+
+
+@njit(cache=True, nogil=True)
+def _log_posterior(
+    table: Index,
+    field: Field,
+    origin: NDArray[np.int64],
+    cell: float,
+    points: Floats,
+    temper: float,
+    guess: Floats,
+    deviation: Floats,
+    x: float,
+    y: float,
+    heading: float,
+) -> float:
+    """Tempered log-likelihood of the scan plus the odometry's log-prior, which is diagonal in the robot's frame."""
+    c, s = math.cos(guess[2]), math.sin(guess[2])
+    dx, dy = x - guess[0], y - guess[1]
+    ahead, aside, turn = (c * dx + s * dy) / deviation[0], (c * dy - s * dx) / deviation[1], (heading - guess[2]) / deviation[2]
+    prior = -0.5 * (ahead * ahead + aside * aside + turn * turn)
+    return temper * agreement(table, field, origin, cell, points, x, y, heading) + prior
+
+
+@njit(cache=True, nogil=True)
+def propose(
+    tables: Index,
+    field: Field,
+    origin: NDArray[np.int64],
+    cell: float,
+    points: Floats,
+    temper: float,
+    guesses: Floats,
+    deviation: Floats,
+    steps: Floats,
+    halvings: int,
+    normals: Floats,
+    spread: Floats,
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Match and sample for every particle.
+
+    ``guesses`` (N, 3) are the poses by odometry, ``deviation`` (3,) its standard deviations ahead, aside and in heading.
+    Coordinate search starts with ``steps`` (2,) m and rad and halves them ``halvings`` times; ``normals`` (N, S, 3) are
+    standard normal draws scaled by ``spread`` (2,) m and rad round the optimum. Returns the optimum (N, 3), the mean
+    (N, 3) and the covariance (N, 3, 3) of the posterior round it, and the log-evidence (N,).
+    """
+    n, samples = normals.shape[0], normals.shape[1]
+    optima, means, covariances = np.empty((n, 3)), np.empty((n, 3)), np.zeros((n, 3, 3))
+    evidence = np.empty(n)
+    logs = np.empty(samples + 1)
+    drawn = np.empty((samples + 1, 3))
+    for p in range(n):
+        table, guess = tables[p], guesses[p]
+        x, y, heading = guess[0], guess[1], guess[2]
+        best = _log_posterior(table, field, origin, cell, points, temper, guess, deviation, x, y, heading)
+        step, turn = steps[0], steps[1]
+        for _ in range(halvings + 1):
+            improved = True
+            rounds = 0
+            while improved and rounds < 20:
+                improved = False
+                rounds += 1
+                for move in range(6):
+                    sign = 1.0 if move % 2 == 0 else -1.0
+                    nx = x + sign * step if move < 2 else x
+                    ny = y + sign * step if 2 <= move < 4 else y
+                    nh = heading + sign * turn if move >= 4 else heading
+                    value = _log_posterior(table, field, origin, cell, points, temper, guess, deviation, nx, ny, nh)
+                    if value > best:
+                        best, x, y, heading = value, nx, ny, nh
+                        improved = True
+            step, turn = 0.5 * step, 0.5 * turn
+        optima[p, 0], optima[p, 1], optima[p, 2] = x, y, heading
+        drawn[samples, 0], drawn[samples, 1], drawn[samples, 2] = x, y, heading
+        logs[samples] = best
+        top = best
+        for k in range(samples):
+            drawn[k, 0] = x + spread[0] * normals[p, k, 0]
+            drawn[k, 1] = y + spread[0] * normals[p, k, 1]
+            drawn[k, 2] = heading + spread[1] * normals[p, k, 2]
+            logs[k] = _log_posterior(
+                table, field, origin, cell, points, temper, guess, deviation, drawn[k, 0], drawn[k, 1], drawn[k, 2]
+            )
+            top = max(top, logs[k])
+        total = mx = my = mh = 0.0
+        for k in range(samples + 1):
+            w = math.exp(logs[k] - top)
+            logs[k] = w
+            total += w
+            mx += w * drawn[k, 0]
+            my += w * drawn[k, 1]
+            mh += w * drawn[k, 2]
+        mx, my, mh = mx / total, my / total, mh / total
+        means[p, 0], means[p, 1], means[p, 2] = mx, my, mh
+        for k in range(samples + 1):
+            w = logs[k] / total
+            d0, d1, d2 = drawn[k, 0] - mx, drawn[k, 1] - my, drawn[k, 2] - mh
+            covariances[p, 0, 0] += w * d0 * d0
+            covariances[p, 0, 1] += w * d0 * d1
+            covariances[p, 0, 2] += w * d0 * d2
+            covariances[p, 1, 1] += w * d1 * d1
+            covariances[p, 1, 2] += w * d1 * d2
+            covariances[p, 2, 2] += w * d2 * d2
+        covariances[p, 1, 0] = covariances[p, 0, 1]
+        covariances[p, 2, 0] = covariances[p, 0, 2]
+        covariances[p, 2, 1] = covariances[p, 1, 2]
+        evidence[p] = top + math.log(total / (samples + 1))
+    return optima, means, covariances, evidence
+
+
+@njit(cache=True, nogil=True)
+def spread_points(points: Floats, sensor: Floats, longest: float, spacing: float, most: int) -> Floats:
+    """End points (k, 2) to match, of a scan's (m, 2): within ``longest`` m, ``spacing`` m apart along the wall.
+
+    Where more than ``most`` remain, they are thinned evenly. Without this, near walls, which many beams hit, would
+    outvote the far ones, which know the heading best.
+    """
+    kept = np.empty(len(points), np.int64)
+    count = 0
+    for b in range(len(points)):
+        if math.hypot(points[b, 0] - sensor[0], points[b, 1] - sensor[1]) > longest:
+            continue
+        if count > 0:
+            last = points[kept[count - 1]]
+            if math.hypot(points[b, 0] - last[0], points[b, 1] - last[1]) < spacing:
+                continue
+        kept[count] = b
+        count += 1
+    used = min(count, most)
+    out = np.empty((used, 2))
+    for k in range(used):
+        out[k] = points[kept[k * count // used]]
+    return out

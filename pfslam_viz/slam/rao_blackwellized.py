@@ -1,0 +1,152 @@
+"""The filter with a map per particle: Rao-Blackwellized SLAM (Doucet et al. 2000; Grisetti et al. 2007)."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pfslam_viz import geometry
+from pfslam_viz.config import Config
+from pfslam_viz.slam import kernels, resampling
+from pfslam_viz.slam.best_map import BestMap
+from pfslam_viz.slam.history import History
+from pfslam_viz.slam.occupancy_grid import OccupancyGrid
+from pfslam_viz.slam.proposal import propose, spread_points
+from pfslam_viz.slam.protocol import Estimate, Match, Scan
+from pfslam_viz.slam.tile_maps import TileMaps
+
+Array = NDArray[np.float64]
+
+
+class RaoBlackwellizedFilter:
+    """N hypotheses of the whole trajectory, each with the map that follows from it.
+
+    A scan is used ("key scan") when the robot has moved on since the last one; in between the particles go along with
+    the odometry.
+    """
+
+    def __init__(self, config: Config) -> None:
+        self.config = config
+        self._settings = config.rao_blackwellized
+        self._rng = np.random.default_rng(config.seed)
+        n = config.particles
+        self._particles = np.zeros((n, 3))
+        self._log_weights = np.zeros(n)
+        self._weighed = (self._particles, np.full(n, 1.0 / n))
+        self._parents = self._drawn = np.arange(n)
+        self._maps = TileMaps(n, self._settings)
+        self._history = History(n)
+        self._moved = np.zeros(3)  # odometry since the last key scan
+        self._driven = self._turned = 0.0
+        self._keyed = self._resampled = False
+        self._match: Match | None = None
+        self._grid = BestMap(config, self._maps)
+
+    @property
+    def grid(self) -> OccupancyGrid:
+        """The most likely particle's map."""
+        return self._grid
+
+    @property
+    def best(self) -> Array:
+        """(3,) the most likely particle after the last update."""
+        particles, weights = self._weighed
+        return particles[int(np.argmax(weights))]
+
+    def predict(self, increment: Array, dt: float) -> None:
+        """Carry every particle along with the odometry; its noise is drawn when a scan is used."""
+        self._particles = kernels.move(self._particles, increment, np.zeros_like(self._particles))
+        self._moved = geometry.compose(self._moved, increment)
+        self._driven += float(np.hypot(increment[0], increment[1]))
+        self._turned += abs(float(increment[2]))
+
+    def update(self, scan: Scan) -> None:
+        """If the robot has moved on, match the scan with every particle's map and weigh the particles by it."""
+        s = self._settings
+        first = len(self._history) == 0
+        self._keyed = first or self._driven >= s.update_distance or self._turned >= s.update_angle
+        self._match = None
+        if self._keyed and not first:
+            self._propose(scan)
+        weights = np.exp(self._log_weights - self._log_weights.max())
+        self._weighed = (self._particles, weights / weights.sum())
+        self._parents, self._drawn = self._drawn, np.arange(len(weights))
+        if self._keyed:
+            self._history.add_key(self._particles, self._moved)
+            self._moved, self._driven, self._turned = np.zeros(3), 0.0, 0.0
+        self._history.add_scan(self._moved)
+
+    def _propose(self, scan: Scan) -> None:
+        s, n = self._settings, len(self._particles)
+        deviation = np.array(
+            [
+                s.least_distance + s.noise_distance * self._driven,
+                s.least_distance + s.noise_distance * self._driven,
+                s.least_angle + s.noise_angle * self._turned + s.noise_drift * self._driven,
+            ]
+        )
+        noise = self._rng.standard_normal((n, 3)) * deviation
+        guesses = geometry.compose(self._particles, noise)
+        points = spread_points(scan.points, scan.origin, s.max_range, s.match_spacing, s.match_beams)
+        optima, means, covariances, evidence = propose(
+            self._maps.table,
+            self._maps.field,
+            self._maps.origin,
+            s.cell,
+            points,
+            s.temper,
+            guesses,
+            deviation,
+            np.array([s.search_distance, s.search_angle]),
+            s.search_halvings,
+            self._rng.standard_normal((n, s.samples, 3)),
+            np.array([s.sample_distance, s.sample_angle]),
+        )
+        before, self._particles = self._particles, means
+        self._particles[:, 2] = geometry.wrap(self._particles[:, 2])
+        self._log_weights += evidence
+        k = int(np.argmax(self._log_weights))
+        self._match = Match(correction=geometry.between(before[k], means[k]), score=0.0)
+
+    def update_map(self, scan: Scan) -> None:
+        """Every particle writes a used scan into its own map."""
+        if self._keyed:
+            s = self._settings
+            near = np.hypot(*(scan.points - scan.origin).T) <= s.max_range
+            self._maps.draw(self._particles, scan.points[near], scan.origin)
+            self._grid.follow(int(np.argmax(self._log_weights)))
+
+    def resample(self) -> None:
+        """Draw the particles anew if it is time, (30) to (32)."""
+        weights = self._weighed[1]
+        self._resampled = self._keyed and resampling.is_due(weights, self.config.resampling)
+        if self._resampled:
+            self._drawn = resampling.SCHEMES[self.config.resampling.scheme](weights, self._rng)
+            self._particles = self._particles[self._drawn]
+            self._log_weights = np.zeros(len(weights))
+            self._maps.resample(self._drawn)
+            self._history.resample(self._drawn)
+            self._grid.follow(int(np.argmax(self._drawn == np.argmax(weights))))
+
+    def estimate(self) -> Estimate:
+        """The belief after the scan, from the particles as they were weighed (before resampling)."""
+        particles, weights = self._weighed
+        mean, covariance, n_eff = kernels.moments(particles, weights)
+        return Estimate(
+            particles=particles,
+            weights=weights,
+            best=self.best,
+            mean=mean,
+            covariance=covariance,
+            n_eff=n_eff,
+            resampled=self._resampled,
+            informative=True,
+            parents=self._parents,
+            match=self._match,
+            map_updated=self._keyed,
+        )
+
+    def trajectory(self) -> Array:
+        """(n, 3) the most likely particle's whole history."""
+        return self._history.trajectory(self._history.key_poses(int(np.argmax(self._log_weights))))
+
+    def finish(self) -> None:
+        """Nothing yet."""
