@@ -1,0 +1,354 @@
+"""Where a recording goes: a file, a viewer, a server, standard output, or several of these at once.
+
+Every destination has a stream of its own, all of one recording. A viewer that goes away, or hangs, costs its picture
+and nothing else: the file is complete, and :attr:`Sink.messages` says what happened.
+"""
+
+import os
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+from uuid import uuid4
+
+import rerun as rr
+
+from pfslam_viz.errors import InputError, PfslamError
+from pfslam_viz.files import replaced
+
+APPLICATION_ID = "pfslam-viz"
+PORT = 9876  # Rerun's own
+LOOPBACK = ("127.0.0.1", "::1", "localhost")
+START_SECONDS = 20.0  # a viewer has this long to open its port
+FLUSH_SECONDS = 2.0  # a viewer has this long to take a block before it counts as slow
+PATIENCE = 3  # slow blocks in a row before it counts as gone
+CLOSE_SECONDS = 20.0  # a viewer has this long to take the rest at the end
+
+
+@dataclass
+class _Destination:
+    """One place that data goes to."""
+
+    name: str
+    stream: rr.RecordingStream
+    live: bool
+    slow: int = 0
+
+
+@dataclass
+class Sink:
+    """All destinations of one recording; data is encoded once and sent to each.
+
+    Attributes:
+        messages: what happened to the destinations, a sentence each.
+        path: the file that is written, under its final name.
+        on_message: called with each message as it is added.
+    """
+
+    messages: list[str] = field(default_factory=list)
+    path: Path | None = None
+    on_message: Callable[[str], None] | None = None
+    _destinations: list[_Destination] = field(default_factory=list)
+    _closers: list[Callable[[], None]] = field(default_factory=list)
+    _written: Path | None = None
+
+    @property
+    def recording(self) -> rr.RecordingStream:
+        """The stream to the first destination."""
+        return self._destinations[0].stream
+
+    @property
+    def live(self) -> bool:
+        """Whether somebody may be watching: blocks should be short."""
+        return any(d.live for d in self._destinations)
+
+    @property
+    def size(self) -> int | None:
+        """Bytes of the file as written so far; None when no file is written."""
+        for path in (self._written, self.path):
+            if path is not None and path.is_file():
+                return path.stat().st_size
+        return None
+
+    def say(self, message: str) -> None:
+        """Add to the messages."""
+        self.messages.append(message)
+        if self.on_message is not None:
+            self.on_message(message)
+
+    def before_close(self, action: Callable[[], None]) -> None:
+        """Call ``action`` before the destinations are closed, whatever ends the run."""
+        self._closers.append(action)
+
+    def log(self, path: str, entity: Any, *more: Any, static: bool = False) -> None:
+        """Log archetypes at the time that :meth:`set_time` set, or static."""
+        for d in self._destinations:
+            d.stream.log(path, entity, *more, static=static)
+
+    def set_time(self, step: int, seconds: float) -> None:
+        """The time of what :meth:`log` sends next, on both timelines."""
+        for d in self._destinations:
+            d.stream.set_time("step", sequence=step)
+            d.stream.set_time("time", duration=seconds)
+
+    def send_columns(self, path: str, times: Sequence[rr.TimeColumn], columns: Iterable[Any]) -> None:
+        """Send many rows of one entity at once."""
+        columns = list(columns)
+        for d in self._destinations:
+            d.stream.send_columns(path, times, columns)
+
+    def send_blueprint(self, blueprint: Any, live: bool = True) -> None:
+        """Make this the layout. With ``live`` False only where nobody can have changed it already: in files."""
+        for d in self._destinations:
+            if live or not d.live:
+                d.stream.send_blueprint(blueprint, make_active=True, make_default=True)
+
+    def check(self) -> None:
+        """Push what was sent to the viewers; one that is gone is dropped, with a message."""
+        for d in [d for d in self._destinations if d.live]:
+            try:
+                d.stream.flush(timeout_sec=FLUSH_SECONDS)
+                d.slow = 0
+            except RuntimeError as error:
+                d.slow += 1
+                if "timed out" not in str(error):
+                    self._drop(d, "went away")
+                elif d.slow >= PATIENCE:
+                    self._drop(d, "stopped answering")
+
+    def _drop(self, destination: _Destination, why: str) -> None:
+        rest = [d for d in self._destinations if d is not destination]
+        to = f"; {self.path} is still being written" if self.path is not None else ""
+        if not rest:
+            rest = [_Destination("nowhere", rr.RecordingStream(APPLICATION_ID, default_enabled=False), live=False)]
+        self._destinations = rest
+        self.say(f"{destination.name} {why} in mid-run: the run goes on without it{to}")
+        _close_in_time(destination.stream, 1.0)
+
+    def _close(self) -> None:
+        for action in self._closers:
+            action()
+        for d in sorted(self._destinations, key=lambda d: d.live):
+            if not d.live:
+                d.stream.flush()
+                d.stream.disconnect()
+            elif not _close_in_time(d.stream, CLOSE_SECONDS):
+                self.say(f"{d.name} did not take everything within {CLOSE_SECONDS:.0f} s")
+
+
+_ABANDONED: list[rr.RecordingStream] = []
+
+
+def _close_in_time(stream: rr.RecordingStream, seconds: float) -> bool:
+    """Disconnect; a viewer that hangs is left behind after ``seconds`` (False)."""
+    thread = threading.Thread(target=stream.disconnect, daemon=True)
+    thread.start()
+    thread.join(seconds)
+    if thread.is_alive():
+        _ABANDONED.append(stream)  # dropping it would wait for the viewer, and so would Rerun's exit hook
+        rr.unregister_shutdown()
+        return False
+    return True
+
+
+@contextmanager
+def open_sinks(
+    *,
+    save: Path | None = None,
+    spawn: bool = False,
+    serve: bool | str | None = None,
+    bind: str = "127.0.0.1",
+    connect: str | None = None,
+    stdout: bool = False,
+    application_id: str = APPLICATION_ID,
+    recording_id: str | None = None,
+    blueprint: Any = None,
+    name: str | None = None,
+    on_message: Callable[[str], None] | None = None,
+) -> Iterator[Sink]:
+    """Open every destination that is asked for, and close each properly.
+
+    Args:
+        save: the file to write. It is written beside itself under a temporary name and moved there when the block
+            ends, also when Ctrl-C ends it: what was logged so far opens. Any other exception leaves no file.
+        spawn: open the viewer and stream to it.
+        serve: serve viewers over gRPC, on ``bind``; True, or the address itself.
+        bind: the address to serve on. Any but the loopback is warned of in the messages.
+        connect: stream to the viewer or server at this URL.
+        stdout: write to standard output.
+        application_id: viewers keep a layout per application.
+        recording_id: a new one when None.
+        blueprint: a layout to send first.
+        name: what the viewer calls the recording.
+        on_message: called with each of the sink's messages as it comes.
+
+    Raises InputError for a file that cannot be written, an address that cannot be bound, a URL where nobody answers.
+    """
+    sink = Sink(path=save, on_message=on_message)
+    identity = recording_id or str(uuid4())
+
+    def stream(live: bool) -> rr.RecordingStream:
+        batching = rr.ChunkBatcherConfig(flush_tick=0.2 if live else 30.0)
+        made = rr.RecordingStream(application_id, recording_id=identity, batcher_config=batching)
+        for timeline in (made.set_log_time_enabled, made.set_log_tick_enabled):
+            timeline(False)
+        return made
+
+    def add(name: str, opened: rr.RecordingStream, live: bool) -> None:
+        sink._destinations.append(_Destination(name, opened, live))
+
+    with ExitStack() as stack:
+        if save is not None:
+            sink._written = stack.enter_context(_kept_on_interrupt(save))
+            to_file = stream(live=False)
+            to_file.save(sink._written)
+            add(str(save), to_file, live=False)
+        if stdout:
+            to_stdout = stream(live=False)
+            to_stdout.stdout()
+            add("standard output", to_stdout, live=False)
+        if serve:
+            address = serve if isinstance(serve, str) else bind
+            to_server = stream(live=True)
+            to_server.set_sinks(_server(address, sink))
+            add("the server", to_server, live=True)
+        if spawn:
+            connect_to = _spawn(sink)
+            to_viewer = stream(live=True)
+            to_viewer.connect_grpc(connect_to)
+            add("the viewer", to_viewer, live=True)
+        if connect is not None:
+            _check_answers(connect)
+            to_url = stream(live=True)
+            to_url.connect_grpc(connect)
+            add(f"the viewer at {connect}", to_url, live=True)
+        if not sink._destinations:
+            raise InputError("nowhere to send the recording to: pass --save, --spawn, --serve, --connect or --stdout")
+        if name is not None:
+            for d in sink._destinations:
+                d.stream.send_recording_name(name)
+        if blueprint is not None:
+            sink.send_blueprint(blueprint)
+        try:
+            yield sink
+        except KeyboardInterrupt:
+            sink._close()
+            raise
+        except BaseException:
+            sink._closers.clear()
+            sink._close()
+            raise
+        else:
+            sink._close()
+
+
+@contextmanager
+def _kept_on_interrupt(path: Path) -> Iterator[Path]:
+    """:func:`replaced`, but Ctrl-C moves the file into place too."""
+    interrupt: KeyboardInterrupt | None = None
+    with replaced(path) as temporary:
+        try:
+            yield temporary
+        except KeyboardInterrupt as raised:
+            interrupt = raised
+    if interrupt is not None:
+        raise interrupt
+
+
+def _server(address: str, sink: Sink) -> rr.GrpcServerSink:
+    port = PORT if _is_free(address, PORT) else _free_port(address)
+    server = rr.GrpcServerSink(bind_ip=address, port=port)
+    if address not in LOOPBACK:
+        sink.say(f"warning: serving on {address}: everybody who can reach this machine's port {port} can watch")
+    host = "127.0.0.1" if address in ("0.0.0.0", "::", *LOOPBACK) else address
+    sink.say(f"serving; watch with: rerun rerun+http://{host}:{port}/proxy")
+    return server
+
+
+def viewer_binary() -> Path:
+    """The viewer that comes with rerun-sdk."""
+    import rerun_cli
+
+    folder = Path(rerun_cli.__file__).parent
+    return folder / ("rerun.exe" if sys.platform == "win32" else "rerun")
+
+
+def _spawn(sink: Sink, binary: Path | None = None) -> str:
+    """Start a viewer that listens on the loopback only; its URL. It outlives this process and its Ctrl-C."""
+    port = PORT if _is_free("127.0.0.1", PORT) else _free_port("127.0.0.1")
+    command = [str(binary or viewer_binary()), "--bind", "127.0.0.1", "--port", str(port), "--expect-data-soon"]
+    try:
+        viewer = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env={**os.environ, "RERUN_APP_ONLY": "true"},
+            start_new_session=True,
+        )
+    except OSError as error:
+        raise PfslamError(f"the viewer cannot be started: {command[0]}: {error.strerror}") from None
+    deadline = time.monotonic() + START_SECONDS
+    while not _answers("127.0.0.1", port):
+        if viewer.poll() is not None:
+            raise PfslamError(
+                f"the viewer ended with status {viewer.returncode} as it started: is there a screen and a graphics"
+                " driver? Write a file with --save instead"
+            )
+        if time.monotonic() > deadline:
+            raise PfslamError(f"the viewer did not start within {START_SECONDS:.0f} s")
+        time.sleep(0.05)
+    return f"rerun+http://127.0.0.1:{port}/proxy"
+
+
+def _check_answers(url: str) -> None:
+    parts = urlsplit(url)
+    try:
+        port = parts.port
+    except ValueError:
+        port = None
+    schemes = ("rerun", "rerun+http", "rerun+https")
+    if parts.scheme not in schemes or not parts.hostname or parts.path != "/proxy":
+        raise InputError(f"--connect {url}: write it as rerun+http://HOST:{PORT}/proxy")
+    port = port or {"rerun+http": 80, "rerun+https": 443}.get(parts.scheme, PORT)
+    if not _answers(parts.hostname, port, seconds=3.0):
+        raise InputError(f"--connect {url}: nobody answers there; start a viewer first: rerun --bind 127.0.0.1")
+
+
+def _answers(host: str, port: int, seconds: float = 0.5) -> bool:
+    try:
+        with socket.create_connection((host, port), timeout=seconds):
+            return True
+    except OSError:
+        return False
+
+
+def _is_free(host: str, port: int) -> bool:
+    try:
+        _bind(host, port)
+        return True
+    except OSError:
+        return False
+
+
+def _free_port(host: str) -> int:
+    try:
+        return _bind(host, 0)
+    except OSError as error:
+        raise InputError(f"cannot listen on {host}: {error.strerror or error}") from None
+
+
+def _bind(host: str, port: int) -> int:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as probe:
+        if sys.platform != "win32":
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        probe.bind((host, port))
+        return int(probe.getsockname()[1])

@@ -1,0 +1,157 @@
+"""A small simulated corridor and its Steps: what the viewer's tests log. No filter takes part."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from pfslam_viz import geometry
+from pfslam_viz.config import Config
+from pfslam_viz.recordings.recording import Frames, Lidar, Recording, Trajectory
+from pfslam_viz.replay import Result
+from pfslam_viz.robot import CameraGeometry
+from pfslam_viz.slam.occupancy_grid import OccupancyGrid
+from pfslam_viz.slam.protocol import Estimate, LoopClosure, Match
+from pfslam_viz.step import Step
+
+SCANS, BEAMS, PARTICLES = 60, 91, 40
+LENGTH, HALF_WIDTH = 8.0, 1.5  # m: a corridor along x, closed at both ends
+
+
+def _ranges(pose: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Distance (m) to the nearest of the corridor's four walls, along each beam."""
+    direction = np.stack([np.cos(pose[2] + angles), np.sin(pose[2] + angles)])
+    with np.errstate(divide="ignore"):
+        to_wall = [
+            (wall - pose[axis]) / direction[axis]
+            for axis, wall in ((0, -1.0), (0, LENGTH - 1.0), (1, -HALF_WIDTH), (1, HALF_WIDTH))
+        ]
+    return np.min([np.where(t > 0, t, np.inf) for t in to_wall], axis=0)
+
+
+@dataclass
+class Corridor:
+    """The recording, the configuration, and Steps made from the truth with a made-up cloud about it."""
+
+    recording: Recording
+    config: Config
+    rich: bool
+
+    def steps(self) -> Iterator[Step]:
+        rng = np.random.default_rng(7)
+        recording = self.recording
+        assert recording.truth is not None
+        truth, reckoned = recording.truth.poses, recording.dead_reckoning()
+        grid, reckoned_grid = OccupancyGrid(self.config.map), OccupancyGrid(self.config.map)
+        for k in range(len(recording)):
+            beams = recording.ranges[k][:, None].astype(float)
+            angles = recording.lidar.angles
+            points = beams * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+            particles = truth[k] + rng.normal(0.0, [0.03, 0.02, 0.01], (PARTICLES, 3))
+            weights = rng.random(PARTICLES)
+            weights /= weights.sum()
+            best = particles[np.argmax(weights)]
+            end_points = geometry.transform(best, points)
+            cells = grid.cells(end_points)
+            inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
+            hits = np.zeros(len(cells), bool)
+            hits[inside] = grid.occupied[cells[inside, 0], cells[inside, 1]] > 0
+            grid.add(best, points, np.zeros(2))
+            reckoned_grid.add(reckoned[k], points, np.zeros(2))
+            closures = (LoopClosure(0, k, truth[0, :2], truth[k, :2]),) if self.rich and k == 40 else ()
+            match = Match(np.array([0.01, 0.0, 0.002]), 0.8, np.array([1.0, 0.0]) if k % 2 else None)
+            yield Step(
+                index=k,
+                stamp=float(recording.stamps[k]),
+                time=float(recording.times[k]),
+                estimate=Estimate(
+                    particles=particles,
+                    weights=weights,
+                    best=best,
+                    mean=geometry.mean_pose(particles, weights),
+                    covariance=geometry.pose_covariance(particles, weights),
+                    n_eff=float(1.0 / (weights**2).sum()),
+                    resampled=True,
+                    informative=True,
+                    parents=rng.integers(0, PARTICLES, PARTICLES),
+                    match=match if self.rich else None,
+                    closures=closures,
+                    history=truth[: k + 1] if self.rich else None,
+                ),
+                dead_reckoning=reckoned[k],
+                end_points=end_points,
+                hits=hits,
+                dead_reckoning_end_points=geometry.transform(reckoned[k], points),
+                grid=grid,
+                dead_reckoning_grid=reckoned_grid,
+                texture=None,
+                color_frame=None,
+                disparity_frame=None,
+                truth=truth[k],
+                seconds={"update": 0.001},
+            )
+
+    def result(self, steps: list[Step], interrupted: bool = False) -> Result:
+        n = len(steps)
+        online = np.array([s.estimate.best for s in steps])
+        return Result(
+            recording=self.recording,
+            config=self.config,
+            stamps=self.recording.stamps[:n],
+            estimate=online + [0.02, 0.0, 0.0] if self.rich else online,
+            online=online,
+            dead_reckoning=np.array([s.dead_reckoning for s in steps]),
+            truth=np.array([s.truth for s in steps]),
+            grid=steps[-1].grid,
+            dead_reckoning_grid=steps[-1].dead_reckoning_grid,
+            seconds={"update": np.full(n, 0.001)},
+            resamplings=n,
+            uninformative=0,
+            interrupted=interrupted,
+        )
+
+
+def _corridor(folder: Path, rich: bool) -> Corridor:
+    stamps = 100.0 + 0.25 * np.arange(SCANS)
+    s = np.linspace(0.0, 5.0, SCANS)
+    truth = np.stack([s, 0.3 * np.sin(s), 0.3 * np.cos(s) - 0.3], axis=-1)
+    truth[:, 2] -= truth[0, 2]
+    odometry = np.zeros((SCANS, 3))
+    odometry[1:] = geometry.between(truth[:-1], truth[1:]) + [0.0, 0.0, 0.004]  # a gyro's bias
+    angles = np.linspace(-2.3, 2.3, BEAMS)
+    ranges = np.array([_ranges(pose, angles) for pose in truth], np.float32)
+    frames = None
+    if rich:
+        color, disparity = folder / "color.png", folder / "disparity.png"
+        cv2.imwrite(str(color), np.full((480, 640, 3), (40, 90, 200), np.uint8))
+        cv2.imwrite(str(disparity), np.full((480, 640), 700, np.uint16))
+        at = stamps[::10]
+        camera = CameraGeometry(position=(0.33, 0.0, 0.5), pitch=0.31)
+        frames = Frames(at, (color,) * len(at), at + 0.01, (disparity,) * len(at), camera)
+    recording = Recording(
+        name="corridor",
+        format="ece276a",
+        path=folder,
+        stamps=stamps,
+        ranges=ranges,
+        lidar=Lidar(angles, 0.1, 30.0, np.zeros(3)),
+        odometry=odometry,
+        frames=frames,
+        truth=Trajectory(stamps, truth),
+    )
+    return Corridor(recording, Config(name="test", particles=PARTICLES), rich)
+
+
+@pytest.fixture(scope="session")
+def corridor(tmp_path_factory: pytest.TempPathFactory) -> Corridor:
+    """Everything a Step can hold but texture: matches, a loop closure, hindsight, camera images."""
+    return _corridor(tmp_path_factory.mktemp("corridor"), rich=True)
+
+
+@pytest.fixture(scope="session")
+def plain_corridor(tmp_path_factory: pytest.TempPathFactory) -> Corridor:
+    """What the paper's filter gives: particles and maps."""
+    return _corridor(tmp_path_factory.mktemp("plain"), rich=False)
