@@ -7,9 +7,11 @@ beams than the widest has no return in those it lacks.
 import bz2
 import gzip
 import math
+import re
 import zlib
 from collections import Counter
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +26,7 @@ Array = NDArray[np.float64]
 
 SUFFIXES = (".log", ".clf", ".gfs")
 COMPRESSED = (".gz", ".bz2")
+_MESSAGE = re.compile(rb"^(FLASER|ROBOTLASER1|LASER_READING|ODOM|PARAM|# message_name) ", re.MULTILINE)
 
 # SICK LMS scanners, which nearly all of these logs come from, say "no return" by error codes of 81.83 to 81.91 m.
 _LMS_ERROR_CODES = (81.8, 82.0)
@@ -42,6 +45,23 @@ def is_log(path: Path) -> bool:
 def log_name(path: Path) -> str:
     """``intel`` for ``intel.clf.bz2``."""
     return _split(path)[0]
+
+
+def looks_like_log(path: Path) -> bool:
+    """Whether the first quarter of a megabyte has a line that starts like a message of CARMEN's."""
+    file: IO[bytes]
+    try:
+        if path.suffix.lower() == ".bz2":
+            file = bz2.open(path)
+        elif path.suffix.lower() == ".gz":
+            file = gzip.open(path)
+        else:
+            file = path.open("rb")
+        with file:
+            head = file.read(1 << 18)
+    except (OSError, EOFError, zlib.error):
+        return False
+    return _MESSAGE.search(head) is not None
 
 
 def load(path: Path, name: str | None = None) -> Recording:
@@ -150,9 +170,9 @@ def _without_repeats(scans: Scans, notes: list[str]) -> Scans:
 def _robot_poses(scans: Scans, messages: Messages, notes: list[str]) -> Array:
     """The robot's raw odometry at every scan (n, 3); from the ODOM lines when the scans carry none."""
     if not np.isfinite(scans.robot).all():
-        bad: NDArray[np.bool_] = ~np.isfinite(scans.robot).all(axis=1)
-        notes.append(f"odometry: {int(bad.sum())} poses that are no numbers; the last one before is held")
-        held = np.maximum.accumulate(np.where(bad, 0, np.arange(len(bad))))
+        good = np.atleast_1d(np.isfinite(scans.robot).all(axis=1))
+        notes.append(f"odometry: {int((~good).sum())} poses that are no numbers; the last one before is held")
+        held = np.maximum.accumulate(np.where(good, np.arange(len(good)), 0))
         scans.robot[:] = np.nan_to_num(scans.robot[held])
     odometry = messages.odometry[np.isfinite(messages.odometry).all(axis=1)]
     still = len(scans.robot) > 1 and not np.ptp(scans.robot, axis=0).any()
