@@ -4,6 +4,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pfslam_viz import geometry
 from pfslam_viz.simulation.world import World
 
 CHECKER, SLABS, PLANKS, BLUE_CARPET, GREEN_CARPET = range(5)
@@ -50,32 +51,28 @@ def pattern_color(pattern: int, x: float, y: float) -> tuple[float, float, float
 
 @njit(cache=True, nogil=True)
 def floor_color(
-    x: float, y: float, plan: NDArray[np.float64], zones: NDArray[np.float64], floors: NDArray[np.int64]
+    x: float, y: float, zones: NDArray[np.float64], floors: NDArray[np.int64]
 ) -> tuple[float, float, float]:
-    """RGB in 0..255 of the floor at x, y in the world's frame; (0, 0, 0) outside every zone."""
-    c, s = np.cos(plan[2]), np.sin(plan[2])
-    px = c * (x - plan[0]) + s * (y - plan[1])
-    py = -s * (x - plan[0]) + c * (y - plan[1])
+    """RGB in 0..255 of the floor at x, y (m, the plan's frame); (0, 0, 0) outside every zone."""
     for k in range(len(zones)):
-        if zones[k, 0] <= px <= zones[k, 2] and zones[k, 1] <= py <= zones[k, 3]:
-            return pattern_color(floors[k], px, py)
+        if zones[k, 0] <= x <= zones[k, 2] and zones[k, 1] <= y <= zones[k, 3]:
+            return pattern_color(floors[k], x, y)
     return 0.0, 0.0, 0.0
 
 
 @njit(cache=True)
-def _floor_colors(
-    points: NDArray[np.float64], plan: NDArray[np.float64], zones: NDArray[np.float64], floors: NDArray[np.int64]
-) -> NDArray[np.uint8]:
+def _floor_colors(  # type: ignore[no-untyped-def]
+    points: NDArray[np.float64], zones: NDArray[np.float64], floors: NDArray[np.int64]
+):
     out = np.zeros((len(points), 3), np.uint8)
     for k in range(len(points)):
-        r, g, b = floor_color(points[k, 0], points[k, 1], plan, zones, floors)
+        r, g, b = floor_color(points[k, 0], points[k, 1], zones, floors)
         out[k, 0], out[k, 1], out[k, 2] = np.uint8(r), np.uint8(g), np.uint8(b)
     return out
 
 
 def floor_colors(world: World, points: NDArray[np.float64]) -> NDArray[np.uint8]:
     """True colours (n, 3) uint8 RGB of the floor at ``points`` (n, 2) of the world; black where there is no floor."""
-    colors: NDArray[np.uint8] = _floor_colors(
-        np.ascontiguousarray(points, dtype=np.float64), world.plan, world.zones, world.floors
-    )
+    on_plan = geometry.transform(geometry.inverse(world.plan), points)
+    colors: NDArray[np.uint8] = _floor_colors(on_plan, world.zones, world.floors)
     return colors

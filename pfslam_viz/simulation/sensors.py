@@ -90,7 +90,7 @@ def _true_ranges(  # type: ignore[no-untyped-def]
     grazing = np.ones((len(poses), beams))
     turn = 2.0 * np.pi
     for k in range(len(poses)):
-        x, y, heading = poses[k]
+        x, y, heading = poses[k, 0], poses[k, 1], poses[k, 2]
         for m in range(len(walls)):
             ax, ay, bx, by = walls[m, 0] - x, walls[m, 1] - y, walls[m, 2] - x, walls[m, 3] - y
             # Only the beams between the directions of the wall's two ends can meet it.
