@@ -11,7 +11,6 @@ import re
 import zlib
 from collections import Counter
 from pathlib import Path
-from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +25,7 @@ Array = NDArray[np.float64]
 
 SUFFIXES = (".log", ".clf", ".gfs")
 COMPRESSED = (".gz", ".bz2")
+_BZIP2, _GZIP = b"BZh", b"\x1f\x8b"
 _MESSAGE = re.compile(rb"^(FLASER|ROBOTLASER1|LASER_READING|ODOM|PARAM|# message_name) ", re.MULTILINE)
 
 # SICK LMS scanners, which nearly all of these logs come from, say "no return" by error codes of 81.83 to 81.91 m.
@@ -48,17 +48,14 @@ def log_name(path: Path) -> str:
 
 
 def looks_like_log(path: Path) -> bool:
-    """Whether the first quarter of a megabyte has a line that starts like a message of CARMEN's."""
-    file: IO[bytes]
+    """Whether the beginning of a file has a line that starts like a message of CARMEN's."""
     try:
-        if path.suffix.lower() == ".bz2":
-            file = bz2.open(path)
-        elif path.suffix.lower() == ".gz":
-            file = gzip.open(path)
-        else:
-            file = path.open("rb")
-        with file:
-            head = file.read(1 << 18)
+        with path.open("rb") as file:
+            head = file.read(1 << 20)
+        if head.startswith(_BZIP2):
+            head = bz2.BZ2Decompressor().decompress(head, 1 << 18)
+        elif head.startswith(_GZIP):
+            head = zlib.decompressobj(wbits=31).decompress(head, 1 << 18)
     except (OSError, EOFError, zlib.error):
         return False
     return _MESSAGE.search(head) is not None
@@ -122,9 +119,9 @@ def _read(path: Path) -> bytes:
     """The text of a log, decompressed by what the file is rather than by what it is called."""
     try:
         data = path.read_bytes()
-        if data.startswith(b"BZh"):
+        if data.startswith(_BZIP2):
             data = bz2.decompress(data)
-        elif data.startswith(b"\x1f\x8b"):
+        elif data.startswith(_GZIP):
             data = gzip.decompress(data)
         elif path.suffix.lower() in COMPRESSED and data:
             raise InputError(f"{path}: not a {path.suffix} file; get it again")
