@@ -1,24 +1,19 @@
 """``python -m benchmarks [speed|scaling|memory|recording]``: speed when nothing is named."""
 
 import sys
+from importlib import import_module
+
+NAMES = ("speed", "scaling", "memory", "recording")
 
 
 def main() -> None:
     """Hand the arguments to the benchmark that is named first."""
-    name, arguments = "speed", sys.argv[1:]
+    name, arguments = NAMES[0], sys.argv[1:]
     if arguments and not arguments[0].startswith("-"):
         name, *arguments = arguments
-    if name == "speed":
-        from benchmarks.speed import main as run
-    elif name == "scaling":
-        from benchmarks.scaling import main as run
-    elif name == "memory":
-        from benchmarks.memory import main as run
-    elif name == "recording":
-        from benchmarks.recording import main as run
-    else:
-        sys.exit(f"no benchmark is called '{name}'; there are speed, scaling, memory and recording")
-    run(arguments)
+    if name not in NAMES:
+        sys.exit(f"no benchmark is called '{name}'; there are {', '.join(NAMES)}")
+    import_module(f"benchmarks.{name}").main(arguments)
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pfslam_viz.config import Config
 from pfslam_viz.recordings.recording import Recording
+from pfslam_viz.slam.observation import ScanReader
 
 Array = NDArray[np.float64]
 
@@ -26,6 +27,7 @@ class LiteralMap:
         self.cell = config.map.cell
         self.origin = int(HALF_WIDTH / self.cell)
         self.log_odds = np.zeros((2 * self.origin + 1, 2 * self.origin + 1))
+        self.occupied = np.zeros(self.log_odds.shape, np.uint8)
         self.config = config.map
 
     def cells(self, x: Array, y: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -37,7 +39,7 @@ class LiteralMap:
     def correlation(self, x: Array, y: Array) -> Array:
         """(26) for the end points (N, m) of every particle."""
         row, column = self.cells(x, y)
-        return (self.log_odds[row, column] > self.config.threshold).sum(axis=1).astype(np.float64)
+        return self.occupied[row, column].sum(axis=1, dtype=np.float64)
 
     def add(self, pose: Array, points: Array, origin: Array) -> None:
         """(28): free along the rays by Bresenham's line, occupied at their ends, each cell once a scan."""
@@ -56,6 +58,8 @@ class LiteralMap:
         missed = self.log_odds[free_row, free_column] - self.config.log_odds_miss
         self.log_odds[free_row, free_column] = np.maximum(missed, -self.config.log_odds_bound)
         self.log_odds[row, column] = hit
+        for changed in ((free_row, free_column), (row, column)):  # (29)
+            self.occupied[changed] = self.log_odds[changed] > self.config.threshold
 
 
 def world(pose: Array, points: Array) -> tuple[Array, Array]:
@@ -80,8 +84,10 @@ class LiteralFilter:
     def run(self) -> None:
         """All scans."""
         dead_reckoning = self.recording.dead_reckoning()
+        reader = ScanReader.of(self.recording.lidar, self.config.observation)
         for k in range(len(self.recording)):
-            points, origin = self.read(k)
+            scan = reader.read(k, float(self.recording.stamps[k]), self.recording.ranges[k])
+            points, origin = scan.points, scan.origin
             marks = [perf_counter()]
             if k > 0:
                 self.predict(self.recording.odometry[k])
@@ -98,19 +104,6 @@ class LiteralFilter:
             self.poses[k] = best
             for phase, seconds in zip(PHASES, np.diff(marks), strict=True):
                 self.seconds[phase][k] = seconds
-
-    def read(self, k: int) -> tuple[Array, Array]:
-        """The scan's end points (m, 2) and the lidar (2,) in the robot's frame, (22); no returns left out."""
-        lidar = self.recording.lidar
-        ranges, angles = self.recording.ranges[k].astype(np.float64), lidar.angles
-        limit = self.config.observation.max_beams
-        if limit is not None and limit < len(angles):
-            kept = np.linspace(0, len(angles) - 1, limit).round().astype(np.intp)
-            ranges, angles = ranges[kept], angles[kept]
-        valid = (ranges >= lidar.range_min) & (ranges <= lidar.range_max)
-        own = np.stack([ranges * np.cos(angles), ranges * np.sin(angles)], axis=-1)[valid]
-        x, y = world(lidar.pose, own)
-        return np.stack([x, y], axis=-1), lidar.pose[:2]
 
     def predict(self, increment: Array) -> None:
         """(13), (17) to (19)."""

@@ -5,14 +5,15 @@ python -m benchmarks scaling --recording 21 --data DIR --stop 600
 
 import argparse
 from dataclasses import replace
+from typing import Any
 
 from benchmarks import machine
 from benchmarks.case import Case, measure
 from benchmarks.literal_filter import PHASES
 from benchmarks.speed import add_case_options, case_of
 
-BASE = {"particles": 500, "beams": 1081, "cell": 0.07}
-SWEEPS = {
+BASE: dict[str, Any] = {"particles": 500, "beams": 1081, "cell": 0.07}
+SWEEPS: dict[str, tuple[Any, ...]] = {
     "particles": (50, 100, 500, 1000, 5000),
     "beams": (270, 540, 1081),
     "cell": (0.03, 0.05, 0.07, 0.1),

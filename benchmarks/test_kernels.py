@@ -1,0 +1,90 @@
+"""Each kernel at the paper's size, beside the same in plain NumPy. Run it by name, it is not part of the tests:
+
+python -m pytest benchmarks/test_kernels.py -o addopts=
+"""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from benchmarks.literal_filter import LiteralMap, world
+from pfslam_viz.config import Config, load_config
+from pfslam_viz.slam import kernels, resampling
+from pfslam_viz.slam.occupancy_grid import OccupancyGrid
+
+pytest.importorskip("pytest_benchmark")
+
+PARTICLES, BEAMS = 500, 1081
+Array = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def config() -> Config:
+    kernels.warm_up()
+    return load_config("paper")
+
+
+@pytest.fixture(scope="module")
+def scan() -> Array:
+    """End points (m, 2) in a room of 12 x 8 m, seen from its middle, 270 degrees wide."""
+    angles = np.radians(np.linspace(-135, 135, BEAMS))
+    with np.errstate(divide="ignore"):
+        ranges = np.minimum(6.0 / np.abs(np.cos(angles)), 4.0 / np.abs(np.sin(angles)))
+    return np.stack([ranges * np.cos(angles), ranges * np.sin(angles)], axis=-1)
+
+
+@pytest.fixture(scope="module")
+def particles() -> Array:
+    return np.random.default_rng(0).normal(0.0, [0.05, 0.05, 0.03], (PARTICLES, 3))
+
+
+@pytest.fixture
+def grid(config: Config, scan: Array) -> OccupancyGrid:
+    grid = OccupancyGrid(config.map)
+    grid.add(np.zeros(3), scan, np.zeros(2))
+    return grid
+
+
+@pytest.fixture
+def literal(config: Config, scan: Array) -> LiteralMap:
+    literal = LiteralMap(config)
+    literal.add(np.zeros(3), scan, np.zeros(2))
+    return literal
+
+
+def test_correlate(benchmark, grid: OccupancyGrid, particles: Array, scan: Array) -> None:  # type: ignore[no-untyped-def]
+    benchmark.group = "correlation, (26)"
+    assert benchmark(grid.correlation, particles, scan).max() > 0
+
+
+def test_correlate_numpy(benchmark, literal: LiteralMap, particles: Array, scan: Array) -> None:  # type: ignore[no-untyped-def]
+    benchmark.group = "correlation, (26)"
+    assert benchmark(lambda: literal.correlation(*world(particles, scan))).max() > 0
+
+
+def test_write_scan(benchmark, grid: OccupancyGrid, scan: Array) -> None:  # type: ignore[no-untyped-def]
+    benchmark.group = "map update, (28)"
+    benchmark(grid.add, np.zeros(3), scan, np.zeros(2))
+
+
+def test_write_scan_numpy(benchmark, literal: LiteralMap, scan: Array) -> None:  # type: ignore[no-untyped-def]
+    benchmark.group = "map update, (28)"
+    benchmark(literal.add, np.zeros(3), scan, np.zeros(2))
+
+
+def test_project(benchmark, grid: OccupancyGrid, scan: Array) -> None:  # type: ignore[no-untyped-def]
+    benchmark.group = "end points, (23)"
+    benchmark(grid.project, np.array([0.1, 0.2, 0.3]), scan)
+
+
+def test_moments(benchmark, particles: Array) -> None:  # type: ignore[no-untyped-def]
+    benchmark.group = "mean, covariance, N_eff, (30) and (33)"
+    benchmark(kernels.moments, particles, np.full(PARTICLES, 1 / PARTICLES))
+
+
+@pytest.mark.parametrize("scheme", sorted(resampling.SCHEMES))
+def test_resample(benchmark, scheme: str) -> None:  # type: ignore[no-untyped-def]
+    benchmark.group = "resampling, (31)"
+    rng = np.random.default_rng(0)
+    weights = rng.dirichlet(np.ones(PARTICLES))
+    benchmark(resampling.SCHEMES[scheme], weights, rng)
