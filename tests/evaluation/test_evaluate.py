@@ -21,7 +21,7 @@ def recording() -> Recording:
     c, s = np.cos(angles), np.sin(angles)
     with np.errstate(divide="ignore"):
         to_x = np.where(c > 0, (4 - truth[:, :1]) / c, (-2 - truth[:, :1]) / c)
-        to_y = np.where(s > 0, 2 / s, -2 / s)
+        to_y = 2 / np.abs(s)
     steps = np.zeros_like(truth)
     steps[1:] = geometry.between(truth[:-1], truth[1:]) * [1.1, 1, 1]
     stamps = 100.0 + np.arange(n) * 0.1

@@ -1,0 +1,121 @@
+"""The paper's figures, from a short drive."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from pfslam_viz.config import Config, MapConfig
+from pfslam_viz.errors import InputError
+from pfslam_viz.figures import WALL, grid_layer, map_limits, texture_layer, write_figures
+from pfslam_viz.figures_page import Figure, write_page
+from pfslam_viz.plot import LEFT, TOP, Plot
+from pfslam_viz.recordings.recording import Lidar, Recording
+from pfslam_viz.slam.occupancy_grid import OccupancyGrid
+
+
+@dataclass
+class Painted:
+    """What figures ask of a floor texture."""
+
+    color: np.ndarray
+    weight: np.ndarray
+    origin: tuple[int, int]
+    cell: float
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    """Straight through the middle of a 6 x 4 m room, 2 m in 40 scans."""
+    n, angles = 40, np.linspace(-np.pi, np.pi, 180, endpoint=False)
+    x = np.linspace(0, 2, n)[:, None]
+    c, s = np.cos(angles), np.sin(angles)
+    with np.errstate(divide="ignore"):
+        ranges = np.minimum(np.where(c > 0, (4 - x) / c, (-2 - x) / c), 2 / np.abs(s))
+    steps = np.zeros((n, 3))
+    steps[1:, 0] = np.diff(x[:, 0])
+    lidar = Lidar(angles, 0.1, 30.0, np.zeros(3))
+    return Recording("a <room>", "test", Path("room"), np.arange(n) * 0.1, ranges.astype(np.float32), lidar, steps)
+
+
+def test_writes_the_papers_figures_in_its_order(recording: Recording, tmp_path: Path) -> None:
+    seen = []
+    files = write_figures(recording, Config(particles=20), tmp_path / "out", 15, lambda step: seen.append(step.index))
+    names = ["01_dead_reckoning.png", "02_particle_filter.png", "04_map_00015.png", "04_map_00030.png", "index.html"]
+    assert [file.name for file in files] == names
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == names
+    assert seen == list(range(40))
+    pictures = [cv2.imread(str(file)) for file in files[:-1]]
+    assert pictures[2].shape == pictures[3].shape  # over time: the same limits
+    page = files[-1].read_text(encoding="utf-8")
+    assert re.findall(r'<img src="([^"]+)"', page) == names[:-1]
+    assert "a &lt;room&gt;" in page and "no texture" in page
+
+
+def test_walls_are_at_their_place_in_the_picture(recording: Recording, tmp_path: Path) -> None:
+    """The right wall at x = 4 and the upper one at y = 2, in the PNG of dead reckoning, which is true here."""
+    files = write_figures(recording, Config(particles=1), tmp_path, 1000)
+    image = cv2.cvtColor(cv2.imread(str(files[0])), cv2.COLOR_BGR2RGB).astype(int)
+    grid = OccupancyGrid(MapConfig())
+    for ranges, x in zip(recording.ranges, np.linspace(0, 2, 40), strict=True):
+        points = ranges[:, None] * np.stack([np.cos(recording.lidar.angles), np.sin(recording.lidar.angles)], axis=-1)
+        grid.add(np.array([x, 0.0, 0.0]), points.astype(np.float64), np.zeros(2))
+    plot = Plot(map_limits(grid_layer(grid), recording.dead_reckoning()))
+    for x, y, dark in [(4.03, 0.6, True), (3.8, 0.6, False), (4.2, 0.6, False), (1.0, 2.0, True), (1.0, 1.8, False)]:
+        column = int(LEFT + (x - plot.limits.left) * plot.scale)
+        row = int(TOP + (plot.limits.top - y) * plot.scale)
+        assert (image[row, column].max() < 120) == dark, (x, y)
+
+
+def test_grid_layer_is_cut_to_what_is_known_and_knows_where_it_is() -> None:
+    grid = OccupancyGrid(MapConfig(cell=0.1, log_odds_bound=40))
+    for _ in range(20):
+        grid.add(np.zeros(3), np.array([[2.05, 1.05]]), np.zeros(2))
+    layer = grid_layer(grid)
+    assert layer.alpha.shape == (12, 21)  # y = 0 is the upper edge of its cell, (24)
+    assert layer.upper_left == pytest.approx((0.0, 1.1))
+    assert layer.image[0, 20].tolist() == pytest.approx(list(WALL), abs=1)
+    assert layer.image[11, 0].min() > 250
+    assert layer.alpha[0, 0] == 0 and layer.alpha[0, 20] == 255
+    np.testing.assert_allclose(layer.walls, [[2.05, 1.05]])
+    assert grid_layer(OccupancyGrid(MapConfig())).alpha.max() == 0  # nothing known, and no error
+
+
+def test_texture_layer() -> None:
+    color, weight = np.zeros((50, 80, 3), np.uint8), np.zeros((50, 80), np.float32)
+    color[10, 30], weight[10, 30] = (200, 100, 50), 1
+    color[12, 33], weight[12, 33] = (1, 2, 3), 0.5
+    layer = texture_layer(Painted(color, weight, (20, 40), 0.1))  # type: ignore[arg-type]
+    assert layer.image.shape == (3, 4, 3)
+    assert layer.upper_left == pytest.approx((-1.0, 1.0))
+    assert layer.image[0, 0].tolist() == [200, 100, 50] and layer.image[2, 3].tolist() == [1, 2, 3]
+    assert layer.alpha.tolist() == [[255, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 255]]
+
+
+def test_wrong_use_is_one_line(recording: Recording, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--every 0"):
+        write_figures(recording, Config(), tmp_path, 0)
+    with pytest.raises(InputError, match="no scans"):
+        write_figures(recording.select(0, 0), Config(), tmp_path)
+
+
+def test_page_shows_every_section_once(recording: Recording, tmp_path: Path) -> None:
+    from pfslam_viz.replay import Replay
+
+    replay = Replay(recording.select(0, 3), Config(particles=2))
+    for _ in replay:
+        pass
+    figures = [
+        Figure(tmp_path / f"{k}.png", like, f"<{k}>") for k, like in enumerate(["3, 4", "5, 6", "7 to 15", "7 to 15"])
+    ]
+    page = write_page(tmp_path / "index.html", replay.result(), figures, camera=True).read_text(encoding="utf-8")
+    assert re.findall(r"<h2>(.*?) <small>", page) == [
+        "Particle filter",
+        "Texture map",
+        "Trajectory and occupancy grid over time",
+    ]
+    assert page.count("<figure>") == 4 and "&lt;2&gt;" in page and "no texture" not in page
+    assert "2 particles" in page
