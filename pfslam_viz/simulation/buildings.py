@@ -29,8 +29,8 @@ def office(rng: np.random.Generator) -> World:
     """
     plan = Plan()
     w = 2.2
-    length, height = rng.uniform(9.8, 10.8), rng.uniform(7.8, 8.4)
-    hall = length + rng.uniform(8.6, 9.8)
+    length, height = rng.uniform(9.8, 10.6), rng.uniform(7.8, 8.3)
+    hall = length + rng.uniform(8.4, 9.4)
     south, north, west = -WALL, height + WALL, -WALL
     deep = rng.uniform(3.6, 4.2)
     split = rng.uniform(3.4, 3.8), rng.uniform(6.6, 7.2)
@@ -76,8 +76,8 @@ def office(rng: np.random.Generator) -> World:
     _door(plan, length / 2 + rng.uniform(-1.2, 1.2), w, w + WALL)
     plan.room(west, 2.6, 0, height - 2.9, GREEN_CARPET, SAND)  # the lounge's wide opening
     plan.room(length, height / 2, length + WALL, height / 2 + DOOR, CHECKER)
-    _recess(plan, 0.6, height, up=True)
-    _recess(plan, 0.7, 0.0, up=False)
+    _recess(plan, 0.55, height, up=True)
+    _recess(plan, 0.55, 0.0, up=False)
 
     _desks(plan, large, route, rng, 4)
     _against_walls(plan, home, route, rng, 5)
@@ -214,7 +214,7 @@ def _desks(plan: Plan, room: Rectangle, route: Array, rng: np.random.Generator, 
     for _ in range(60 * count):
         if count == 0:
             return
-        x, y = rng.uniform(x0 + 1.0, x1 - 1.0), rng.uniform(y0 + 0.9, y1 - 0.9)
+        x, y = rng.uniform(x0 + 1.0, x1 - 1.0), rng.uniform(y0 + 0.9, y1 - 1.15)
         if _fits(plan, x, y, 0.95, route):
             plan.box(x, y, 1.4, 0.7, rng.uniform(-0.06, 0.06), 0.75, WOOD)
             plan.box(x + rng.uniform(-0.3, 0.3), y + 0.7, 0.44, 0.44, rng.uniform(-0.6, 0.6), 0.9, STEEL)

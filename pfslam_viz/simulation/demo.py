@@ -5,7 +5,7 @@ from pathlib import Path
 from pfslam_viz.simulation.recording import VERSION, manifest_of, simulate
 
 NAME = "demo"
-BUILDING, SEED = "office", 0
+BUILDING, SEED = "office", 2
 
 
 def ensure_demo(folder: Path) -> Path:

@@ -18,7 +18,7 @@ SHORTEST = 5.0  # s
 class DriveConfig:
     """How fast, and how carefully: what a person with a remote control does in a hallway."""
 
-    cruise: float = 1.35  # m/s on a straight
+    cruise: float = 1.45  # m/s on a straight
     yaw_rate: float = 1.25  # rad/s at most
     acceleration: float = 0.8  # m/s²
     braking: float = 0.7  # m/s²
@@ -70,7 +70,7 @@ def drive_along(route: Array, rng: np.random.Generator, config: DriveConfig, dur
         before, after = min(before, 0.15 * duration), min(after, 0.15 * duration)
     path = smooth_path(route, rng, config)
     hesitation = 1.0 + config.hesitation * _smooth_noise(len(path), 1.5, rng)
-    limit = config.cruise * np.clip(hesitation, 0.5, 1.5)
+    limit = config.cruise * np.clip(hesitation, 0.6, 1.25)
     times, headings = _schedule(path, limit, config)
     if duration is not None and before + times[-1] + after > duration:
         budget, low, high = duration - before - after, 2, len(path)

@@ -147,7 +147,7 @@ def _write_png(path: Path, image: NDArray[np.uint8] | NDArray[np.uint16]) -> Non
 def _cast(  # type: ignore[no-untyped-def]
     rays: Array, height: float, walls: Array, names: NDArray[np.int64], low: Array, width: Array
 ):
-    """What :func:`_see` answers; ``walls`` (m, 8): start x, y, extent x, y, height, nearest distance, direction, span."""
+    """What :func:`_see` answers; ``walls`` (m, 8): start x, y, extent x, y, height, distance, direction, span."""
     rows, columns = rays.shape[:2]
     depth = np.full((rows, columns), np.inf)
     hit = np.full((rows, columns), -2, np.int32)

@@ -27,6 +27,7 @@ class SensorErrors:
             where the robot went 1.03 m.
         slip: relative standard deviation of the wheels' rolling, slowly changing, plus as much again in turns.
         gyro_bias: rad/s; None draws one of 0.0007 to 0.0018 rad/s, either sign, as measured on the real sets at rest.
+        gyro_drift: rad/s, standard deviation of the bias about that, changing over half a minute.
         gyro_noise: rad/s, standard deviation of a reading.
         gyro_scale: standard deviation of the constant relative error of the yaw rate.
         range_noise: m, standard deviation of a range at 0 m, growing by ``range_growth`` a metre.
@@ -37,7 +38,8 @@ class SensorErrors:
     slip: float = 0.01
     gyro_bias: float | None = None
     gyro_noise: float = 0.004
-    gyro_scale: float = 0.005
+    gyro_drift: float = 0.002
+    gyro_scale: float = 0.02
     range_noise: float = 0.01
     range_growth: float = 0.0005
     dropouts: float = 0.003
@@ -145,7 +147,8 @@ def read_imu(
     scale = 1.0 + errors.gyro_scale * rng.standard_normal()
     yaw_rate = np.interp(times, drive.times, drive.yaw_rate)
     gyro = rng.normal(0.0, errors.gyro_noise, (3, n))
-    gyro[2] += scale * yaw_rate + bias
+    drift = errors.gyro_drift * np.interp(times, drive.times, _drifting(drive, 30.0, rng))
+    gyro[2] += scale * yaw_rate + bias + drift
     speed = np.interp(times, drive.times, drive.speed)
     shaking = 0.01 + 0.02 * np.minimum(speed, 1.0)
     acceleration = rng.standard_normal((3, n)) * shaking
