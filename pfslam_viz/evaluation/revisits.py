@@ -1,9 +1,9 @@
 """Revisit error: where the robot came back to, do the two scans agree on where it is?
 
-For pairs of scans that an estimate puts within 1 m and 30° of each other, with more than 30 s and 5 m of driving
-between them, the later scan is matched against the earlier one anew: an exhaustive search of ±1 m and ±12° around the
-estimate, then point-to-line ICP. The revisit's error is how far the match moves the later pose. Matching one scan to
-another is good to about a centimetre, so that is the floor of what this measures.
+For pairs of scans that an estimate puts within 1 m of each other, with 150° of view in common, and with more than 30 s
+and 5 m of driving between them, the later scan is matched against the earlier one anew: an exhaustive search of ±1 m
+and ±12° around the estimate, then point-to-line ICP. The revisit's error is how far the match moves the later pose.
+Matching one scan to another is good to a few millimetres to a centimetre: that is the floor of what this measures.
 
 Where the earlier scan leaves a direction open (a bare corridor's axis), movement along it counts as none. Revisits that
 an estimate puts further apart than 1 m are not seen; a wrong estimate may so hide behind a small count.
@@ -22,7 +22,7 @@ from pfslam_viz.recordings.recording import Recording
 Array = NDArray[np.float64]
 
 NEAR = 1.0  # m
-ALIKE = np.radians(30.0)
+SHARED_VIEW = np.radians(150.0)
 LATER = 30.0  # s
 DRIVEN = 5.0  # m
 MOST = 50  # revisits that are matched
@@ -30,7 +30,7 @@ BEAMS = 180  # a scan is thinned to this many
 CELL = 0.05  # m, of the field that is searched
 REACH = 12.0  # m, half the edge of that field
 SIGMA = 0.1  # m, in the search's score
-RELUCTANCE = 0.05  # score that a move by NEAR has to be worth, so that an ambiguous scan stays where it is
+RELUCTANCE = 0.05  # score that a move by NEAR or a turn by 0.5 rad has to gain: an ambiguous scan stays where it is
 FEWEST = 30  # points on either side
 AGREEING = 0.6  # share of points that must lie within INLIER of the earlier scan after matching
 INLIER = 0.1  # m
@@ -70,7 +70,7 @@ def revisits(recording: Recording, poses: Array) -> NDArray[np.intp]:
         return np.zeros((0, 2), dtype=np.intp)
     i, j = close.min(axis=1), close.max(axis=1)
     kept = (t[j] - t[i] > LATER) & (driven[j] - driven[i] > DRIVEN)
-    kept &= np.abs(geometry.wrap(p[j, 2] - p[i, 2])) < ALIKE
+    kept &= shared_view(recording, np.abs(geometry.wrap(p[j, 2] - p[i, 2]))) >= SHARED_VIEW
     i, j = i[kept], j[kept]
     # One partner for each later scan: the nearest.
     order = np.lexsort((np.hypot(*(p[j, :2] - p[i, :2]).T), j))
@@ -81,15 +81,25 @@ def revisits(recording: Recording, poses: Array) -> NDArray[np.intp]:
     return np.stack([scans[i[first]], scans[j[first]]], axis=-1)
 
 
+def shared_view(recording: Recording, turned: Array) -> Array:
+    """Angle in rad that two scans from one place see in common, if the robot has turned by (k,) rad in [0, pi]."""
+    view = float(np.ptp(recording.lidar.angles))
+    return np.maximum(view - turned, 0) + np.maximum(view - (2 * np.pi - turned), 0)
+
+
 def _rematch(recording: Recording, earlier: int, later: int, poses: Array) -> Array | None:
     """The move (3,) of the later pose, in the frame of the earlier, that matching asks for; None if none fits."""
     target = end_points(recording, np.array([earlier]), None).points
     source = end_points(recording, np.array([later]), BEAMS).points
+    start = geometry.between(poses[earlier], poses[later])
     target = target[np.abs(target).max(axis=1, initial=0) < REACH]
     source = source[np.abs(source).max(axis=1, initial=0) < REACH]
+    # Only what the earlier scan looked towards can agree with it.
+    seen = geometry.transform(geometry.inverse(recording.lidar.pose), geometry.transform(start, source))
+    angle, (low, high) = np.arctan2(seen[:, 1], seen[:, 0]), np.percentile(recording.lidar.angles, [0, 100])
+    source = source[(angle - low) % (2 * np.pi) <= high - low]
     if min(len(target), len(source)) < FEWEST:
         return None
-    start = geometry.between(poses[earlier], poses[later])
     return match(target, source, start)
 
 
@@ -129,7 +139,7 @@ def _search(target: Array, source: Array, start: Array) -> Array:
         row = np.floor((rotated[:, 1] + dy[:, None] + REACH) / CELL).astype(np.intp)
         inside = (column >= 0) & (row >= 0) & (column < n) & (row < n)
         score = np.where(inside, field[np.clip(row, 0, n - 1), np.clip(column, 0, n - 1)], 0).mean(axis=1)
-        score -= RELUCTANCE * ((dx**2 + dy**2) / NEAR**2 + (turn / ALIKE) ** 2)
+        score -= RELUCTANCE * ((dx**2 + dy**2) / NEAR**2 + (turn / 0.5) ** 2)
         k = int(score.argmax())
         if score[k] > best_score:
             best, best_score = start + np.array([dx[k], dy[k], turn]), float(score[k])
