@@ -10,9 +10,9 @@ import pytest
 
 from pfslam_viz.config import Config, MapConfig
 from pfslam_viz.errors import InputError
-from pfslam_viz.figures import WALL, grid_layer, map_limits, texture_layer, write_figures
+from pfslam_viz.figures import WALL, Path2D, draw_texture, grid_layer, map_limits, texture_layer, write_figures
 from pfslam_viz.figures_page import Figure, write_page
-from pfslam_viz.plot import LEFT, TOP, Plot
+from pfslam_viz.plot import LEFT, TOP, Limits, Plot
 from pfslam_viz.recordings.recording import Lidar, Recording
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 
@@ -119,3 +119,27 @@ def test_page_shows_every_section_once(recording: Recording, tmp_path: Path) -> 
     ]
     assert page.count("<figure>") == 4 and "&lt;2&gt;" in page and "no texture" not in page
     assert "2 particles" in page
+
+
+def test_texture_is_drawn_on_the_floor_with_walls_beside_it() -> None:
+    grid = OccupancyGrid(MapConfig(cell=0.1, log_odds_bound=40))
+    for _ in range(5):
+        grid.add(np.zeros(3), np.array([[4.05, -2.05], [4.05, 2.05], [-1.05, 0.05]]), np.zeros(2))
+    color, weight = np.zeros((40, 40, 3), np.uint8), np.zeros((40, 40), np.float32)
+    color[10:20, 20:30], weight[10:20, 20:30] = (200, 100, 50), 1  # x 0 to 1 m, y 0 to 1 m
+    layer, limits = grid_layer(grid), Limits(-2, 5, -3, 3)
+    path = Path2D(np.array([[0.2, -2.0, 0], [0.4, -2.0, 0]]), (0, 114, 220), "particle filter")
+    floor = texture_layer(Painted(color, weight, (20, 20), 0.1))  # type: ignore[arg-type]
+    picture = draw_texture(limits, layer, floor, path, "floor", "")
+    plot = Plot(limits)
+
+    def pixel(x: float, y: float) -> list[int]:
+        return picture[
+            int(TOP + (plot.limits.top - y) * plot.scale), int(LEFT + (x - plot.limits.left) * plot.scale)
+        ].tolist()
+
+    assert pixel(0.3, 0.4) == pytest.approx([200, 100, 50], abs=1)
+    assert pixel(0.95, 0.95) == pytest.approx([200, 100, 50], abs=1)
+    assert pixel(1.2, 0.4) == pytest.approx([255, 255, 255], abs=1)  # free, and not painted
+    assert pixel(4.05, 2.05) == pytest.approx([120, 126, 136], abs=4)
+    assert pixel(4.05, -2.05) == pytest.approx([120, 126, 136], abs=4)
