@@ -1,14 +1,14 @@
 """What a run shows in the terminal: a line while kernels are compiled, a progress bar, and the table at the end."""
 
 import math
-import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
-from rich.console import Console
+from rich.console import Console, Group
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
@@ -17,7 +17,6 @@ from pfslam_viz import geometry
 from pfslam_viz.replay import PHASES, Result
 
 COMPILING = "compiling kernels (first run on this machine)"
-COMPILING_AFTER = 1.5  # s; kernels from the cache are loaded in less
 
 
 @cache
@@ -40,31 +39,33 @@ def results(to_stderr: bool = False) -> Console:
 
 
 def load_kernels(quiet: bool = False) -> None:
-    """Compile the filter's kernels or load them from the cache, and say so if it takes a while."""
-    console = messages()
-    if quiet:
-        _warm_up()
-        return
-    with console.status("loading kernels") as status:
+    """Compile the filter's kernels, or load them from the cache of an earlier run."""
+    with status("loading kernels", quiet), announce_compiling(quiet):
+        from pfslam_viz.slam.kernels import warm_up
 
-        def announce() -> None:
-            status.update(COMPILING)
-            if not console.is_terminal:
-                console.print(COMPILING)
-
-        timer = threading.Timer(COMPILING_AFTER, announce)
-        timer.daemon = True
-        timer.start()
-        try:
-            _warm_up()
-        finally:
-            timer.cancel()
+        warm_up()
 
 
-def _warm_up() -> None:
-    from pfslam_viz.slam.kernels import warm_up
+@contextmanager
+def announce_compiling(quiet: bool = False) -> Iterator[None]:
+    """Say so, once, if numba has to compile: only the first run on a machine does, and it takes a while."""
+    from numba.core import event
 
-    warm_up()
+    class Listener(event.Listener):
+        def on_start(self, event: Any) -> None:
+            if not quiet:
+                _say_compiling()
+
+        def on_end(self, event: Any) -> None:
+            pass
+
+    with event.install_listener("numba:compile", Listener()):
+        yield
+
+
+@cache
+def _say_compiling() -> None:
+    tell(COMPILING)
 
 
 @contextmanager
@@ -103,9 +104,11 @@ class ReplayProgress:
             refresh_per_second=5,
             disable=quiet,
         )
+        self._compiling = announce_compiling(quiet)
         self._task = self._progress.add_task(label, total=scans, seconds_per_scan=duration / max(scans, 1))
 
     def __enter__(self) -> "ReplayProgress":
+        self._compiling.__enter__()
         self._progress.start()
         return self
 
@@ -113,6 +116,7 @@ class ReplayProgress:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._progress.stop()
+        self._compiling.__exit__(kind, error, trace)
 
     def advance(self, scans: int = 1) -> None:
         """So many scans more are done."""
@@ -124,31 +128,37 @@ class ReplayProgress:
 
 
 def summary(
-    result: Result, seconds: float, log_seconds: float = 0.0, file: Path | None = None, left_out: tuple[str, ...] = ()
-) -> Table:
-    """The table at the end of a run.
+    result: Result,
+    seconds: float,
+    log_seconds: float = 0.0,
+    file: Path | None = None,
+    left_out: Sequence[str] = (),
+) -> Group:
+    """What is shown at the end of a run: the two trajectories side by side, then the run itself.
 
     ``seconds`` the whole run took, ``log_seconds`` of them for sending it to Rerun; ``file`` is the .rrd that was
     written; ``left_out`` says what is not in it, a phrase each.
     """
-    recording, config, n = result.recording, result.config, len(result.stamps)
-    table = Table(title=f"{recording.name} · {config.name} · seed {config.seed}", title_justify="left", min_width=60)
-    table.add_column()
-    table.add_column("particle filter", justify="right")
-    table.add_column("dead reckoning", justify="right", style="dim")
+    config = result.config
+    title = f"{result.recording.name}, {config.name}: {len(result.stamps):,} scans, {config.particles:,} particles"
+    paths = Table(title=f"{title}, seed {config.seed}", title_justify="left")
+    paths.add_column()
+    paths.add_column("particle filter", justify="right")
+    paths.add_column("dead reckoning", justify="right", style="dim")
     for name, estimated, reckoned in _accuracy(result):
-        table.add_row(name, estimated, reckoned)
-    table.add_section()
+        paths.add_row(name, estimated, reckoned)
+    run = Table(box=None, show_header=False, pad_edge=False)
+    run.add_column(style="dim")
+    run.add_column()
     for name, text in _run(result, seconds, log_seconds):
-        table.add_row(name, text, "")
+        run.add_row(name, text)
     if result.interrupted:
-        table.add_row("interrupted", f"after {n:,} of {len(recording):,} scans", "")
+        run.add_row("interrupted", f"after {len(result.stamps):,} of {len(result.recording):,} scans")
     if file is not None:
-        table.add_section()
-        table.add_row(str(file.name), f"{file.stat().st_size / 1e6:.1f} MB", "")
+        run.add_row("recording", f"{file}, {file.stat().st_size / 1e6:.1f} MB")
     for phrase in left_out:
-        table.add_row("left out", phrase, "")
-    return table
+        run.add_row("left out", phrase)
+    return Group(paths, run)
 
 
 def _accuracy(result: Result) -> Iterator[tuple[str, str, str]]:
@@ -187,14 +197,10 @@ def _run(result: Result, seconds: float, log_seconds: float) -> Iterator[tuple[s
     n = len(result.stamps)
     if n == 0:
         return
-    for phase in PHASES:
-        spent = float(result.seconds[phase].sum())
-        if spent > 0:
-            yield phase.replace("_", " "), f"{1e3 * spent / n:.3f} ms a scan"
-    if log_seconds > 0:
-        yield "log", f"{1e3 * log_seconds / n:.3f} ms a scan"
     recorded = float(result.stamps[-1] - result.stamps[0])
-    yield "all", f"{seconds:.1f} s, {n / seconds:,.0f} scans/s, {recorded / seconds:.1f}x real time"
-    yield "resampled", f"{result.resamplings:,} times in {n:,} scans"
+    yield "time", f"{seconds:.1f} s, {n / seconds:,.0f} scans/s, {recorded / seconds:.1f}x real time"
+    spent = {phase.replace("_", " "): float(result.seconds[phase].sum()) for phase in PHASES} | {"log": log_seconds}
+    yield "ms a scan", ", ".join(f"{name} {1e3 * total / n:.2f}" for name, total in spent.items() if total > 0)
+    yield "resampled", f"after {result.resamplings:,} of {n:,} scans"
     if result.uninformative:
-        yield "no correlation with the map", f"{result.uninformative:,} scans"
+        yield "no match", f"{result.uninformative:,} of {n:,} scans had no correlation with the map"

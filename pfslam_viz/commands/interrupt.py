@@ -20,12 +20,11 @@ class Interrupted(PfslamError):
 def stop_on_interrupt() -> Iterator[Callable[[], bool]]:
     """A function that says whether Ctrl-C was pressed; a second Ctrl-C raises KeyboardInterrupt as ever.
 
-    Between two scans is a good place to stop; in the middle of writing one to a file is not. Outside the main thread,
-    where signals cannot be caught, the function stays False.
+    Between two scans is a good place to stop; in the middle of writing one to a file is not. A request to terminate
+    counts as well. Outside the main thread, where signals cannot be caught, the function stays False.
     """
     stopped = threading.Event()
-    ignored = signal.getsignal(signal.SIGINT) is signal.SIG_IGN  # as in a shell's background job
-    if ignored or threading.current_thread() is not threading.main_thread():
+    if threading.current_thread() is not threading.main_thread():
         yield stopped.is_set
         return
 
@@ -34,17 +33,16 @@ def stop_on_interrupt() -> Iterator[Callable[[], bool]]:
             raise KeyboardInterrupt
         stopped.set()
 
-    previous = signal.signal(signal.SIGINT, handle)
+    previous = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield stopped.is_set
     finally:
-        signal.signal(signal.SIGINT, previous)
+        for number, handler in previous.items():
+            signal.signal(number, handler)
 
 
 def wait_for_interrupt() -> None:
-    """Return at Ctrl-C."""
-    try:
-        while True:
-            time.sleep(3600)
-    except KeyboardInterrupt:
-        pass
+    """Return at Ctrl-C, or at a request to terminate."""
+    with stop_on_interrupt() as stopped:
+        while not stopped():
+            time.sleep(0.2)

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -9,21 +10,22 @@ from rich.table import Table
 
 from pfslam_viz import console
 
+COLUMNS = ("name", "format", "length", "sensors", "status", "size")
+
 
 def run_list(data: Path | None, as_json: bool) -> None:
     """Print the recordings that have a name."""
-    from pfslam_viz.recordings.catalog import list_recordings
+    from pfslam_viz.recordings.catalog import list_recordings, recordings_dir
 
     entries = list_recordings(data)
     if as_json:
-        print_json([_fields(entry) for entry in entries])
+        print_json([asdict(entry) for entry in entries])
         return
-    columns = list(_fields(entries[0])) if entries else []
-    table = Table(box=None, pad_edge=False)
-    for column in columns:
-        table.add_column(column.replace("_", " "))
+    table = Table(box=None, pad_edge=False, title=f"in {data or recordings_dir()}", title_justify="left")
+    for column in COLUMNS:
+        table.add_column(column)
     for entry in entries:
-        table.add_row(*(show(value) for value in _fields(entry).values()))
+        table.add_row(*(show(getattr(entry, column)) for column in COLUMNS))
     console.results().print(table)
 
 
@@ -84,12 +86,6 @@ def show(value: Any) -> str:
     if isinstance(value, int):
         return f"{value:,}"
     if isinstance(value, Sequence) and not isinstance(value, str):
-        return "\n".join(show(item) for item in value) or "none"
+        numbers = all(isinstance(item, int | float) for item in value)
+        return (", " if numbers else "\n").join(show(item) for item in value) or "none"
     return str(value)
-
-
-def _fields(entry: Any) -> dict[str, Any]:
-    """The fields of a catalog entry, in order."""
-    from dataclasses import fields
-
-    return {field.name: getattr(entry, field.name) for field in fields(entry)}

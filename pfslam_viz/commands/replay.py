@@ -37,14 +37,17 @@ def run(
         if stream is not None:
             stream.finish(result)
         if sinks.serve and not result.interrupted:
+            console.tell("the run is complete and still served; Ctrl-C ends it")
+            seconds = perf_counter() - started
             wait_for_interrupt()
+            started += perf_counter() - started - seconds  # waiting is not the run's time
     if export is not None and len(result.stamps):
         with console.status("writing the export", quiet):
             _export(result, export)
     if not quiet:
-        left_out = tuple(stream.left_out) if stream is not None else ()
-        table = console.summary(result, perf_counter() - started, log_seconds, sinks.save, left_out)
-        console.results(to_stderr=sinks.stdout).print(table)
+        left_out = stream.left_out if stream is not None else ()
+        shown = console.summary(result, perf_counter() - started, log_seconds, sinks.save, left_out)
+        console.results(to_stderr=sinks.stdout).print(shown)
     if result.interrupted:
         raise Interrupted(f"interrupted after scan {len(result.stamps)} of {len(recording)}{_kept(sinks, export)}")
 
