@@ -13,8 +13,9 @@ from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.slam.observation import ScanReader
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.slam.particle_filter import ParticleFilter
-from pfslam_viz.slam.protocol import Slam
+from pfslam_viz.slam.protocol import Scan, Slam
 from pfslam_viz.slam.rao_blackwellized import RaoBlackwellizedFilter
+from pfslam_viz.slam.worker import Worker, cores
 from pfslam_viz.step import Step
 
 Array = NDArray[np.float64]
@@ -36,7 +37,7 @@ class Result:
         truth: (n, 3) at the scans' stamps, moved to start at the origin, if known.
         grid: the final map.
         dead_reckoning_grid: dead reckoning's.
-        seconds: (n,) per phase.
+        seconds: (n,) per phase: what the loop spent on it. Another thread's work counts where the loop waited for it.
         resamplings: how many scans were followed by resampling.
         uninformative: how many scans had no correlation with the map.
         interrupted: whether the run was stopped before the last scan.
@@ -58,26 +59,48 @@ class Result:
 
 
 class Replay:
-    """Runs the filter over a recording: iterate over it for the Steps, then ask for the :meth:`result`."""
+    """Runs the filter over a recording: iterate over it for the Steps, then ask for the :meth:`result`.
 
-    def __init__(self, recording: Recording, config: Config) -> None:
+    An iteration that is left early may be taken up again by another one, where it stopped.
+    """
+
+    def __init__(self, recording: Recording, config: Config, threads: int | None = None) -> None:
+        """``threads``: 1, or 2 to let a second one draw dead reckoning's map and help to weigh the particles.
+
+        None takes as many of them as there are cores. The results do not depend on it.
+        """
         self.recording = recording
         self.config = config
-        self.slam = make_slam(config)
+        self._worker = Worker() if (cores() if threads is None else threads) > 1 else None
+        self.slam = make_slam(config, self._worker)
         self.dead_reckoning_grid = OccupancyGrid(config.map)
         self.truth = _truth_from_start(recording)
         self._dead_reckoning = recording.dead_reckoning()
         self._online = np.zeros((len(recording), 3))
         self._seconds = {phase: np.zeros(len(recording)) for phase in PHASES}
         self._done = self._resamplings = self._uninformative = 0
+        self._finished = False
 
     def __iter__(self) -> Iterator[Step]:
-        recording, slam = self.recording, self.slam
+        try:
+            yield from self._steps()
+        finally:
+            if self._worker:
+                self._worker.close()
+        if not self._finished:
+            self.slam.finish()
+            self._finished = True
+
+    def _steps(self) -> Iterator[Step]:
+        """Algorithm 1, scan by scan, with dead reckoning beside it."""
+        recording, slam, worker = self.recording, self.slam, self._worker
         reader = ScanReader.of(recording.lidar, self.config.observation)
         times = recording.times
         for k in range(self._done, len(recording)):
             clock = _Clock(self._seconds, k)
             scan = reader.read(k, float(recording.stamps[k]), recording.ranges[k])
+            reckoned = self._dead_reckoning[k]
+            drawn = worker.submit(self._draw_dead_reckoning, reckoned, scan) if worker else None
             if k > 0:  # the first scan is at the origin
                 slam.predict(recording.odometry[k], float(times[k] - times[k - 1]))
             clock.lap("predict")
@@ -89,9 +112,7 @@ class Replay:
             slam.resample()
             estimate = slam.estimate()
             clock.lap("resample")
-            pose = self._dead_reckoning[k]
-            reckoned, _ = self.dead_reckoning_grid.project(pose, scan.points)
-            self.dead_reckoning_grid.add(pose, scan.points, scan.origin)
+            reckoned_end_points = drawn.result() if drawn else self._draw_dead_reckoning(reckoned, scan)
             clock.lap("dead_reckoning")
             self._online[k] = estimate.best
             self._resamplings += estimate.resampled
@@ -102,19 +123,24 @@ class Replay:
                 stamp=scan.stamp,
                 time=float(times[k]),
                 estimate=estimate,
-                dead_reckoning=pose,
+                dead_reckoning=reckoned,
                 end_points=end_points,
                 hits=hits,
-                dead_reckoning_end_points=reckoned,
+                dead_reckoning_end_points=reckoned_end_points,
                 grid=slam.grid,
                 dead_reckoning_grid=self.dead_reckoning_grid,
                 texture=None,
                 color_frame=None,
                 disparity_frame=None,
                 truth=None if self.truth is None else self.truth[k],
-                seconds={phase: float(self._seconds[phase][k]) for phase in PHASES},
+                seconds={phase: float(values[k]) for phase, values in self._seconds.items()},
             )
-        slam.finish()
+
+    def _draw_dead_reckoning(self, pose: Array, scan: Scan) -> Array:
+        """Write the scan into dead reckoning's map; its end points (m, 2) there."""
+        end_points, _ = self.dead_reckoning_grid.project(pose, scan.points)
+        self.dead_reckoning_grid.add(pose, scan.points, scan.origin)
+        return end_points
 
     def result(self) -> Result:
         """The Result after the iteration, or of what was done so far."""
@@ -136,11 +162,11 @@ class Replay:
         )
 
 
-def make_slam(config: Config) -> Slam:
-    """The back end that the configuration names."""
+def make_slam(config: Config, worker: Worker | None = None) -> Slam:
+    """The back end that the configuration names. It may have the ``worker`` help it."""
     if config.backend == "rao_blackwellized":
         return RaoBlackwellizedFilter(config)
-    return ParticleFilter(config)
+    return ParticleFilter(config, worker)
 
 
 def _truth_from_start(recording: Recording) -> Array | None:

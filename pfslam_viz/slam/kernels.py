@@ -1,7 +1,8 @@
 """The filter's hot loops: small pure functions, compiled by numba, arrays in and arrays out.
 
 Each has a plain NumPy twin in ``tests/slam/test_kernels.py`` that it must match. A grid's row 0 is its top: the world
-point (x, y) in m lies in row ``floor(-y / cell) + origin_row`` and column ``floor(x / cell) + origin_column``, (24, 25).
+point (x, y) in m lies in row ``floor(-y / cell) + origin_row`` and column ``floor(x / cell) + origin_column``: (24)
+and (25).
 """
 
 import math
@@ -63,16 +64,16 @@ def correlate(
     cell: float,
     visited: NDArray[np.int32],
     mark: int,
-) -> NDArray[np.int64]:
+    counts: NDArray[np.int64],
+) -> None:
     """Equation (26): for every pose (N, 3), how many occupied cells of the map the scan's end points (m, 2) mark.
 
     ``points`` are in the robot's frame. A cell counts once, however many beams end in it. The grid's outermost ring
     of cells must be unoccupied: points outside the grid are looked up there. ``visited`` is a scratch grid that does
-    not yet contain the marks ``mark`` to ``mark + N - 1``.
+    not yet contain the marks ``mark`` to ``mark + N - 1``. The answer goes to ``counts`` (N,).
     """
     rows, columns = occupied.shape
     m = len(points)
-    counts = np.zeros(len(poses), np.int64)
     scale = 1.0 / cell
     px, py = points[:, 0] * scale, points[:, 1] * scale
     flat, seen = occupied.ravel(), visited.ravel()
@@ -95,13 +96,12 @@ def correlate(
         for b in range(distinct):
             short[hits] = short[b]
             hits += np.uint64(flat[short[b]])
-        count = 0
+        count = np.int64(0)
         this = np.int32(mark + k)
         for b in range(hits):
             count += np.int64(seen[short[b]] != this)
             seen[short[b]] = this
         counts[k] = count
-    return counts
 
 
 @njit(cache=True, nogil=True)
@@ -117,24 +117,29 @@ def project(
         x = pose[0] + c * points[b, 0] - s * points[b, 1]
         y = pose[1] + s * points[b, 0] + c * points[b, 1]
         out[b, 0], out[b, 1] = x, y
-        row, column = int(math.floor(-y / cell)) + origin_row, int(math.floor(x / cell)) + origin_column
+        row, column = math.floor(-y / cell) + origin_row, math.floor(x / cell) + origin_column
         hits[b] = 0 <= row < rows and 0 <= column < columns and occupied[row, column] != 0
     return out, hits
 
 
 @njit(cache=True, nogil=True)
-def _add(
-    log_odds: NDArray[np.float32],
-    occupied: NDArray[np.uint8],
-    row: int,
-    column: int,
-    change: float,
-    bound: float,
-    threshold: float,
-) -> None:
-    value = min(max(log_odds[row, column] + change, -bound), bound)
-    log_odds[row, column] = value
-    occupied[row, column] = value > threshold
+def end_cells(pose: Floats, points: Floats, sensor: Floats, cell: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Cells (m + 1, 2) of the lidar and of the end points seen from ``pose``, and their least and greatest indices.
+
+    ``points`` (m, 2) and ``sensor`` (2,) are in the robot's frame. Cells are row, column from the cell at the world's
+    origin, so that they hold however the grid grows; the extent (4,) is least row, column, greatest row, column.
+    """
+    out = np.empty((len(points) + 1, 2), np.int64)
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    extent = np.array([2**62, 2**62, -(2**62), -(2**62)])
+    for b in range(len(out)):
+        px, py = (sensor[0], sensor[1]) if b == 0 else (points[b - 1, 0], points[b - 1, 1])
+        out[b, 0] = math.floor(-(pose[1] + s * px + c * py) / cell)
+        out[b, 1] = math.floor((pose[0] + c * px - s * py) / cell)
+        for axis in range(2):
+            extent[axis] = min(extent[axis], out[b, axis])
+            extent[axis + 2] = max(extent[axis + 2], out[b, axis])
+    return out, extent
 
 
 @njit(cache=True, nogil=True)
@@ -143,43 +148,71 @@ def write_scan(
     occupied: NDArray[np.uint8],
     touched: NDArray[np.int32],
     mark: int,
-    start: NDArray[np.int64],
-    ends: NDArray[np.int64],
-    hit: float,
-    miss: float,
-    bound: float,
-    threshold: float,
+    cells: NDArray[np.int64],
+    origin_row: int,
+    origin_column: int,
+    hit: np.float32,
+    miss: np.float32,
+    bound: np.float32,
+    threshold: np.float32,
 ) -> None:
     """Equations (28) and (29): write one scan into the grid, in place.
 
-    ``start`` (2,) is the lidar's cell, ``ends`` (m, 2) those of the end points (row, column), all inside the grid. Cells
-    with an end point gain ``hit``; the other cells of the Bresenham lines towards them, the lidar's included, lose
-    ``miss``. A cell changes once a scan. Log-odds stay within +-``bound``. ``mark`` must be new to ``touched``.
+    ``cells`` (m + 1, 2) are the lidar's and those of the end points, as :func:`end_cells` gives them, all inside the
+    grid. Cells with an end point gain ``hit``; the other cells of the Bresenham lines towards them, the lidar's
+    included, lose ``miss``. A cell changes once a scan. Log-odds stay within +-``bound``. ``mark`` must be new to
+    ``touched``.
     """
-    for b in range(len(ends)):
-        row, column = ends[b, 0], ends[b, 1]
-        if touched[row, column] != mark:
-            touched[row, column] = mark
-            _add(log_odds, occupied, row, column, hit, bound, threshold)
-    for b in range(len(ends)):
-        if b > 0 and ends[b, 0] == ends[b - 1, 0] and ends[b, 1] == ends[b - 1, 1]:
+    columns = log_odds.shape[1]
+    values, above, seen = log_odds.ravel(), occupied.ravel(), touched.ravel()
+    this = np.int32(mark)
+    for b in range(1, len(cells)):
+        i = np.uint64((cells[b, 0] + origin_row) * columns + cells[b, 1] + origin_column)
+        if seen[i] != this:
+            seen[i] = this
+            values[i] = min(values[i] + hit, bound)
+            above[i] = values[i] > threshold
+    start = (cells[0, 0] + origin_row) * columns + cells[0, 1] + origin_column
+    fresh = np.empty(max(log_odds.shape), np.uint64)  # the line's cells that no earlier line crossed
+    for b in range(1, len(cells)):
+        if b > 1 and cells[b, 0] == cells[b - 1, 0] and cells[b, 1] == cells[b - 1, 1]:
             continue  # neighbouring beams often end in one cell: the same line again
-        row, column = start[0], start[1]
-        rows, columns = abs(ends[b, 0] - row), abs(ends[b, 1] - column)
-        down = 1 if ends[b, 0] >= row else -1
-        right = 1 if ends[b, 1] >= column else -1
-        error = columns - rows
-        for _ in range(max(rows, columns)):
-            if touched[row, column] != mark:
-                touched[row, column] = mark
-                _add(log_odds, occupied, row, column, -miss, bound, threshold)
-            twice = 2 * error
-            if twice > -rows:
-                error -= rows
-                column += right
-            if twice < columns:
-                error += columns
-                row += down
+        down, right = cells[b, 0] - cells[0, 0], cells[b, 1] - cells[0, 1]
+        by_row, by_column = (columns if down > 0 else -columns), (1 if right > 0 else -1)
+        if abs(down) > abs(right):
+            long, short, along, across = abs(down), abs(right), by_row, by_column
+        else:
+            long, short, along, across = abs(right), abs(down), by_column, by_row
+        # Bresenham's line in flat indices and without branches: a step across when the error passes half a cell.
+        index, error, count = start, 0, np.uint64(0)
+        for _ in range(long):
+            i = np.uint64(index)
+            fresh[count] = i
+            count += np.uint64(seen[i] != this)
+            seen[i] = this
+            error += 2 * short
+            over = np.int64(error > long)
+            error -= over * 2 * long
+            index += along + over * across
+        for k in range(count):
+            i = fresh[k]
+            values[i] = max(values[i] - miss, -bound)
+            above[i] = values[i] > threshold
+
+
+@njit(cache=True, nogil=True)
+def read_scan(
+    ranges: NDArray[np.float32], directions: Floats, origin: Floats, shortest: float, longest: float
+) -> Floats:
+    """Equation (22): end points (m, 2) of the ranges (B,) within the limits, along ``directions`` (B, 2)."""
+    out = np.empty((len(ranges), 2))
+    m = 0
+    for b in range(len(ranges)):
+        if shortest <= ranges[b] <= longest:
+            out[m, 0] = origin[0] + ranges[b] * directions[b, 0]
+            out[m, 1] = origin[1] + ranges[b] * directions[b, 1]
+            m += 1
+    return out[:m].copy()
 
 
 def warm_up() -> None:
@@ -189,7 +222,9 @@ def warm_up() -> None:
     pose = np.zeros((1, 3))
     move(pose, np.zeros(3), pose)
     moments(pose, np.ones(1))
-    correlate(pose, points, occupied, 2, 2, 1.0, scratch, 1)
+    correlate(pose, points, occupied, 2, 2, 1.0, scratch, 1, np.zeros(1, np.int64))
     project(np.zeros(3), points, occupied, 2, 2, 1.0)
-    cell = np.full(2, 2, np.int64)
-    write_scan(grid, occupied, scratch, 1, cell, cell[None], 1.0, 1.0, 10.0, 0.0)
+    cells, _ = end_cells(np.zeros(3), points, np.zeros(2), 1.0)
+    one = np.float32(1.0)
+    write_scan(grid, occupied, scratch, 1, cells, 2, 2, one, one, one, one)
+    read_scan(np.ones(1, np.float32), points, np.zeros(2), 0.0, 2.0)

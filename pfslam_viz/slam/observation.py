@@ -9,6 +9,7 @@ from pfslam_viz.config import ObservationConfig
 from pfslam_viz.recordings.recording import Lidar
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.slam.protocol import Scan
+from pfslam_viz.slam.worker import Worker
 
 Array = NDArray[np.float64]
 
@@ -36,25 +37,28 @@ class ScanReader:
 
     def read(self, index: int, stamp: float, ranges: NDArray[np.float32]) -> Scan:
         """One scan's ranges (B,) m; those outside the limits are no return and are left out."""
-        used = np.flatnonzero((ranges >= self.shortest) & (ranges <= self.longest))
-        if self.max_beams is not None and len(used) > self.max_beams:
-            used = used[np.linspace(0, len(used) - 1, self.max_beams).round().astype(np.intp)]
-        points = self.origin + ranges[used, None].astype(np.float64) * self.directions[used]
+        from pfslam_viz.slam import kernels
+
+        points = kernels.read_scan(ranges, self.directions, self.origin, self.shortest, self.longest)
+        if self.max_beams is not None and len(points) > self.max_beams:
+            points = points[np.linspace(0, len(points) - 1, self.max_beams).round().astype(np.intp)]
         return Scan(index, stamp, points, self.origin)
 
 
-def correlation(grid: OccupancyGrid, particles: Array, points: Array, config: ObservationConfig) -> Array:
+def correlation(
+    grid: OccupancyGrid, particles: Array, points: Array, config: ObservationConfig, worker: Worker | None = None
+) -> Array:
     """(26) for every particle (N,); with ``perturbation``, the best over the offsets of section IV-E-1.
 
     The particles themselves stay where they are: an offset only finds the agreement in their neighbourhood.
     """
     if not config.perturbation:
-        return grid.correlation(particles, points).astype(np.float64)
+        return grid.correlation(particles, points, worker).astype(np.float64)
     cells, angle = config.perturbation_cells, config.perturbation_angle
     best = np.zeros(len(particles))
     for turn in (-angle, 0.0, angle):
         for dx in range(-cells, cells + 1):
             for dy in range(-cells, cells + 1):
                 offset = np.array([dx * grid.cell, dy * grid.cell, turn])
-                np.maximum(best, grid.correlation(particles + offset, points), out=best)
+                np.maximum(best, grid.correlation(particles + offset, points, worker), out=best)
     return best

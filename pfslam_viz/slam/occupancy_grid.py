@@ -4,11 +4,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pfslam_viz.config import MapConfig
+from pfslam_viz.slam.worker import Worker
 
 Array = NDArray[np.float64]
 
 MARGIN = 64  # cells grown beyond what is asked for, so that growing stays rare
 MARKS = np.iinfo(np.int32).max
+CHUNK = 64  # poses that a thread correlates at a time
+EXACT = 2.0**-16  # float32 adds multiples of it without rounding, so that hits and misses cancel to 0, not to 1e-9
 
 
 class OccupancyGrid:
@@ -29,8 +32,10 @@ class OccupancyGrid:
         self.origin = (MARGIN, MARGIN)
         self.log_odds = np.zeros((2 * MARGIN, 2 * MARGIN), np.float32)
         self.occupied = np.zeros(self.log_odds.shape, np.uint8)
-        self._marks = np.zeros(self.log_odds.shape, np.int32)  # who came to a cell last: a cell counts once
-        self._mark = 0
+        self._scratch: Scratch = Scratch(self.shape)
+        self._spare: Scratch | None = None
+        numbers = (config.log_odds_hit, config.log_odds_miss, config.log_odds_bound, config.threshold)
+        self._numbers = [np.float32(round(number / EXACT) * EXACT) for number in numbers]
 
     @property
     def cell(self) -> float:
@@ -63,12 +68,29 @@ class OccupancyGrid:
             [(rc[:, 1] - self.origin[1] + 0.5) * self.cell, (self.origin[0] - rc[:, 0] - 0.5) * self.cell], axis=-1
         )
 
-    def correlation(self, poses: Array, points: Array) -> NDArray[np.int64]:
-        """(26) for poses (N, 3): how many occupied cells the end points (m, 2), in the robot's frame, mark."""
+    def correlation(self, poses: Array, points: Array, worker: Worker | None = None) -> NDArray[np.int64]:
+        """(26) for poses (N, 3): how many occupied cells the end points (m, 2), in the robot's frame, mark.
+
+        A ``worker`` helps as soon as it is free; the counts are the same.
+        """
         from pfslam_viz.slam import kernels
 
-        first = self._take_marks(len(poses))
-        return kernels.correlate(poses, points, self.occupied, *self.origin, self.cell, self._marks, first)
+        counts = np.zeros(len(poses), np.int64)
+        chunks = iter(range(0, len(poses), CHUNK))  # whoever is free takes the next one
+
+        def count(scratch: "Scratch") -> None:
+            for k in chunks:
+                part = poses[k : k + CHUNK]
+                first = scratch.take(len(part))
+                kernels.correlate(
+                    part, points, self.occupied, *self.origin, self.cell, scratch.marks, first, counts[k : k + CHUNK]
+                )
+
+        helper = worker.submit(count, self._more_scratch()) if worker and len(poses) > CHUNK else None
+        count(self._scratch)
+        if helper is not None and not helper.cancel():
+            helper.result()
+        return counts
 
     def project(self, pose: Array, points: Array) -> tuple[Array, NDArray[np.bool_]]:
         """End points (m, 2) in the world from ``pose`` (3,), and whether each falls on an occupied cell."""
@@ -80,43 +102,54 @@ class OccupancyGrid:
         """Write a scan seen from ``pose`` (3,), (28): ``points`` (m, 2) and ``sensor`` (2,) in the robot's frame."""
         from pfslam_viz.slam import kernels
 
-        world, _ = self.project(pose, np.vstack([sensor[None], points]))
-        cells = self.cells(world)
-        cells += self.reach(cells.min(axis=0), cells.max(axis=0))
-        c = self.config
+        cells, extent = kernels.end_cells(pose, points, sensor, self.cell)
+        self._grow_to(*extent.tolist())
         kernels.write_scan(
             self.log_odds,
             self.occupied,
-            self._marks,
-            self._take_marks(1),
-            cells[0],
-            cells[1:],
-            c.log_odds_hit,
-            c.log_odds_miss,
-            c.log_odds_bound,
-            c.threshold,
+            self._scratch.marks,
+            self._scratch.take(1),
+            cells,
+            *self.origin,
+            *self._numbers,
         )
 
-    def reach(self, lowest: NDArray[np.int64], highest: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Grow until the cells ``lowest`` and ``highest`` (row, column) are inside; by how much indices moved (2,).
+    def _grow_to(self, top: int, left: int, bottom: int, right: int) -> None:
+        """Grow until these rows and columns, counted from the origin's cell, are inside.
 
         The outermost ring of cells stays unknown, so that whoever looks beyond the grid finds an unknown cell.
         """
-        before = (MARGIN - lowest) * (lowest < 1)
-        after = (highest + 1 + MARGIN - self.shape) * (highest > np.array(self.shape) - 2)
-        if before.any() or after.any():
-            pad = tuple(zip(before.tolist(), after.tolist(), strict=True))
+        (row, column), (rows, columns) = self.origin, self.shape
+        above = MARGIN - row - top if row + top < 1 else 0
+        before = MARGIN - column - left if column + left < 1 else 0
+        below = row + bottom + 1 + MARGIN - rows if row + bottom > rows - 2 else 0
+        after = column + right + 1 + MARGIN - columns if column + right > columns - 2 else 0
+        if above or before or below or after:
+            pad = ((above, below), (before, after))
             self.log_odds = np.pad(self.log_odds, pad)
             self.occupied = np.pad(self.occupied, pad)
-            self._marks = np.pad(self._marks, pad)
-            self.origin = (self.origin[0] + int(before[0]), self.origin[1] + int(before[1]))
-        return before
+            self.origin = (row + above, column + before)
+            self._scratch, self._spare = Scratch(self.shape), None
 
-    def _take_marks(self, count: int) -> int:
-        """The first of ``count`` marks that no cell carries."""
-        if self._mark > MARKS - count - 1:
-            self._marks[:] = 0
-            self._mark = 0
-        first = self._mark + 1
-        self._mark += count
+    def _more_scratch(self) -> "Scratch":
+        """A second scratch grid, for a second thread."""
+        if self._spare is None:
+            self._spare = Scratch(self.shape)
+        return self._spare
+
+
+class Scratch:
+    """A grid that remembers who came to a cell last, so that a cell counts once. Each taker gets marks of its own."""
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self.marks = np.zeros(shape, np.int32)
+        self._last = 0
+
+    def take(self, count: int) -> int:
+        """The first of ``count`` successive marks that no cell carries."""
+        if self._last > MARKS - count - 1:
+            self.marks[:] = 0
+            self._last = 0
+        first = self._last + 1
+        self._last += count
         return first

@@ -8,6 +8,7 @@ from pfslam_viz.slam import kernels, motion, resampling
 from pfslam_viz.slam.observation import correlation
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.slam.protocol import Estimate, Scan
+from pfslam_viz.slam.worker import Worker
 
 Array = NDArray[np.float64]
 
@@ -18,9 +19,11 @@ class ParticleFilter:
     Everything starts at the origin; the first scan, which has no map to be compared with, draws the first map.
     """
 
-    def __init__(self, config: Config) -> None:
+    def __init__(self, config: Config, worker: Worker | None = None) -> None:
+        """With a ``worker``, a second thread helps to weigh the particles; the results are the same."""
         self.config = config
         self.grid = OccupancyGrid(config.map)
+        self._worker = worker
         self._rng = np.random.default_rng(config.seed)
         self._particles = np.zeros((config.particles, 3))
         self._weights = np.full(config.particles, 1.0 / config.particles)
@@ -41,7 +44,7 @@ class ParticleFilter:
 
     def update(self, scan: Scan) -> None:
         """Multiply every weight by the correlation of the scan with the map: (26), (27)."""
-        likelihood = correlation(self.grid, self._particles, scan.points, self.config.observation)
+        likelihood = correlation(self.grid, self._particles, scan.points, self.config.observation, self._worker)
         posterior = self._weights * likelihood
         total = posterior.sum()
         self._informative = bool(total > 0)

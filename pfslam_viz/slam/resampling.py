@@ -61,6 +61,8 @@ SCHEMES: dict[str, Callable[[Array, Generator], Indices]] = {
 
 
 def _pick(weights: Array, positions: Array) -> Indices:
+    """The particles (k,) into whose share of [0, 1) the positions (k,) fall; never one without weight."""
     cumulative = np.cumsum(weights)
-    cumulative[-1] = 1.0  # rounding must not leave a position beyond the last particle
-    return np.searchsorted(cumulative, positions, side="right").astype(np.intp)
+    last = np.flatnonzero(weights)[-1]  # rounding must not carry a position beyond it
+    drawn = np.searchsorted(cumulative, positions * cumulative[-1], side="right")
+    return np.minimum(drawn, last).astype(np.intp)

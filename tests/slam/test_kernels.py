@@ -1,0 +1,195 @@
+"""Every kernel against a plain NumPy twin on random input."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pfslam_viz import geometry
+from pfslam_viz.slam import kernels
+
+Array = NDArray[np.float64]
+Cell = tuple[int, int]
+
+ORIGIN = (23, 17)
+CELL = 0.1
+SHAPE = (40, 50)
+
+
+def random_map(rng: np.random.Generator, share: float = 0.3) -> NDArray[np.uint8]:
+    """A map with random occupied cells, but for the outermost ring."""
+    occupied = (rng.random(SHAPE) < share).astype(np.uint8)
+    occupied[[0, -1]] = 0
+    occupied[:, [0, -1]] = 0
+    return occupied
+
+
+def random_poses(rng: np.random.Generator, n: int) -> Array:
+    return rng.uniform([-1.0, -1.0, -math.pi], [2.0, 1.5, math.pi], (n, 3))
+
+
+def scan(rng: np.random.Generator, kind: str) -> Array:
+    """End points (m, 2) in the robot's frame."""
+    if kind == "empty":
+        return np.zeros((0, 2))
+    if kind == "axes":  # rays along the axes, and end points on the robot itself
+        return np.array([[1.03, 0.0], [0.0, 1.03], [-1.03, 0.0], [0.0, -1.03], [0.0, 0.0], [0.52, 0.52], [-0.52, 0.52]])
+    reach = 30.0 if kind == "outside" else 1.5
+    angles = np.linspace(-2.4, 2.4, 271)
+    return rng.uniform(0.1, reach, (271, 1)) * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+def cells_of(world: Array) -> NDArray[np.int64]:
+    """(24) and (25) as printed."""
+    i = np.floor(-world[:, 1] / CELL) + ORIGIN[0]
+    j = np.floor(world[:, 0] / CELL) + ORIGIN[1]
+    return np.stack([i, j], axis=1).astype(np.int64)
+
+
+def correlation_twin(poses: Array, points: Array, occupied: NDArray[np.uint8]) -> list[int]:
+    counts = []
+    for pose in poses:
+        marked = {tuple(c) for c in cells_of(geometry.transform(pose, points)).tolist()}
+        counts.append(sum(occupied[i, j] for i, j in marked if 0 <= i < SHAPE[0] and 0 <= j < SHAPE[1]))
+    return counts
+
+
+def bresenham_twin(start: Cell, end: Cell) -> list[Cell]:
+    """The cells of a line without its last: one a step along the longer side, ties towards the start's side."""
+    (r0, c0), (r1, c1) = start, end
+    rows, columns = abs(r1 - r0), abs(c1 - c0)
+    down, right = (1 if r1 >= r0 else -1), (1 if c1 >= c0 else -1)
+    cells, error, row, column = [], columns - rows, r0, c0
+    while (row, column) != (r1, c1):
+        cells.append((row, column))
+        doubled = 2 * error
+        if doubled > -rows:
+            error, column = error - rows, column + right
+        if doubled < columns:
+            error, row = error + columns, row + down
+    return cells
+
+
+def write_twin(log_odds: Array, start: Cell, ends: list[Cell], hit: float, miss: float, bound: float) -> Array:
+    """(28) with sets: hit every cell that has an end point, miss every other cell that a beam crosses."""
+    hits = set(ends)
+    free = {cell for end in ends for cell in bresenham_twin(start, end)} - hits
+    out = log_odds.copy()
+    for cell in hits:
+        out[cell] += hit
+    for cell in free:
+        out[cell] -= miss
+    return np.clip(out, -bound, bound)
+
+
+@pytest.mark.parametrize("kind", ["inside", "outside", "axes", "empty"])
+def test_correlate(kind: str) -> None:
+    rng = np.random.default_rng(3)
+    occupied, points, poses = random_map(rng), scan(rng, kind), random_poses(rng, 40)
+    if kind == "axes":
+        poses[:20, 2] = 0.0
+        poses[:5, :2] = 0.013, 0.017  # well inside a cell, so that no rounding decides
+    visited, twin = np.zeros(SHAPE, np.int32), correlation_twin(poses, points, occupied)
+    for mark in (1, 41):  # the second time, the scratch grid is as the first has left it
+        counts = np.full(40, -1)
+        kernels.correlate(poses, points, occupied, *ORIGIN, CELL, visited, mark, counts)
+        assert counts.tolist() == twin
+
+
+def test_correlate_counts_a_cell_once_wherever_its_beams_are_in_the_scan() -> None:
+    occupied = np.zeros(SHAPE, np.uint8)
+    occupied[20, 20] = occupied[20, 21] = 1
+    a, b = [0.35, 0.25], [0.45, 0.25]  # columns 20 and 21 of row 20
+    points = np.array([a, a, b, a, [0.31, 0.29], [5.0, 5.0]])
+    counts = np.full(1, -1)
+    kernels.correlate(np.zeros((1, 3)), points, occupied, *ORIGIN, CELL, np.zeros(SHAPE, np.int32), 1, counts)
+    assert counts.tolist() == [2]
+
+
+@pytest.mark.parametrize("kind", ["inside", "outside", "axes", "empty"])
+def test_project(kind: str) -> None:
+    rng = np.random.default_rng(4)
+    occupied, points, pose = random_map(rng), scan(rng, kind), np.array([0.213, -0.117, 0.4])
+    world, hits = kernels.project(pose, points, occupied, *ORIGIN, CELL)
+    twin = geometry.transform(pose, points)
+    np.testing.assert_allclose(world, twin, atol=1e-12)
+    expected = [0 <= i < SHAPE[0] and 0 <= j < SHAPE[1] and bool(occupied[i, j]) for i, j in cells_of(twin).tolist()]
+    assert hits.tolist() == expected
+
+
+@pytest.mark.parametrize("kind", ["inside", "outside", "axes", "empty"])
+def test_end_cells(kind: str) -> None:
+    points, pose, sensor = scan(np.random.default_rng(8), kind), np.array([0.213, -0.117, 0.4]), np.array([0.3, 0.02])
+    cells, extent = kernels.end_cells(pose, points, sensor, CELL)
+    twin = cells_of(geometry.transform(pose, np.vstack([sensor, points]))) - ORIGIN
+    np.testing.assert_array_equal(cells, twin)
+    assert extent.tolist() == [*twin.min(axis=0), *twin.max(axis=0)]
+
+
+@pytest.mark.parametrize("kind", ["random", "axes", "empty", "saturated"])
+def test_write_scan(kind: str) -> None:
+    rng = np.random.default_rng(5)
+    start = (23, 17)
+    if kind == "axes":
+        ends = [(23, 40), (23, 2), (3, 17), (38, 17), (33, 27), (13, 7), (13, 27), (33, 7), (23, 17)]
+    elif kind == "empty":
+        ends = []
+    else:
+        ends = [(int(r), int(c)) for r, c in zip(rng.integers(1, 39, 200), rng.integers(1, 49, 200), strict=True)]
+        ends += ends[:20]
+        ends += ends[-1:]
+    bound = 2.5 if kind == "saturated" else 100.0
+    log_odds = rng.uniform(-2, 2, SHAPE).astype(np.float32)
+    before = log_odds.copy()
+    occupied, touched = (log_odds > 0.5).astype(np.uint8), np.zeros(SHAPE, np.int32)
+    cells = np.array([start, *ends], np.int64) - ORIGIN
+    numbers = [np.float32(v) for v in (1.4, 0.9, bound, 0.5)]
+    kernels.write_scan(log_odds, occupied, touched, 7, cells, *ORIGIN, *numbers)
+    twin = write_twin(before.astype(np.float64), start, ends, 1.4, 0.9, bound)
+    np.testing.assert_allclose(log_odds, twin, atol=1e-6)
+    np.testing.assert_array_equal(occupied, log_odds > np.float32(0.5))
+    assert (log_odds != before).any() == (kind != "empty")
+
+
+@pytest.mark.parametrize("beams", [0, 1, 200])
+def test_read_scan(beams: int) -> None:
+    rng = np.random.default_rng(9)
+    ranges, directions = rng.uniform(0, 12, beams).astype(np.float32), rng.normal(size=(beams, 2))
+    points = kernels.read_scan(ranges, directions, np.array([0.3, -0.1]), 1.0, 10.0)
+    used = (ranges >= 1) & (ranges <= 10)
+    np.testing.assert_allclose(points, np.array([0.3, -0.1]) + ranges[used, None] * directions[used], atol=1e-12)
+    assert beams == 0 or beams == 1 or 0 < len(points) < beams
+
+
+def test_bresenham_twin_draws_the_textbook_line() -> None:
+    """(0, 0) to (2, 5), as every textbook draws it: the twin itself is right."""
+    assert bresenham_twin((0, 0), (2, 5)) == [(0, 0), (0, 1), (1, 2), (1, 3), (2, 4)]
+
+
+def test_move() -> None:
+    rng = np.random.default_rng(6)
+    poses, noise, increment = random_poses(rng, 50), rng.normal(0, 0.1, (50, 3)), np.array([0.3, -0.1, 2.5])
+    moved = kernels.move(poses, increment, noise)
+    twin = geometry.compose(poses, increment) + noise
+    np.testing.assert_allclose(moved[:, :2], twin[:, :2], atol=1e-12)
+    np.testing.assert_allclose(np.exp(1j * moved[:, 2]), np.exp(1j * twin[:, 2]), atol=1e-12)
+    assert (moved[:, 2] >= -math.pi).all() and (moved[:, 2] < math.pi).all()
+
+
+def test_moments() -> None:
+    rng = np.random.default_rng(7)
+    poses, weights = random_poses(rng, 60), rng.random(60)
+    poses[:, 2] = geometry.wrap(3.1 + rng.normal(0, 0.2, 60))  # across the seam at pi
+    weights /= weights.sum()
+    mean, covariance, n_eff = kernels.moments(poses, weights)
+    np.testing.assert_allclose(mean, geometry.mean_pose(poses, weights), atol=1e-12)
+    np.testing.assert_allclose(covariance, geometry.pose_covariance(poses, weights), atol=1e-12)
+    assert n_eff == pytest.approx(1 / np.sum(weights**2))
+
+
+def test_warm_up_compiles_every_kernel() -> None:
+    kernels.warm_up()
+    public = {name: k for name, k in vars(kernels).items() if hasattr(k, "signatures") and not name.startswith("_")}
+    assert {"move", "moments", "correlate", "project", "end_cells", "write_scan", "read_scan"} <= set(public)
+    assert [name for name, kernel in public.items() if not kernel.signatures] == []
