@@ -1,9 +1,9 @@
-"""``python -m benchmarks [speed|scaling|memory|recording]``: speed when nothing is named."""
+"""``python -m benchmarks [speed|scaling|memory|recording|accuracy]``: speed when nothing is named."""
 
 import sys
 from importlib import import_module
 
-NAMES = ("speed", "scaling", "memory", "recording")
+NAMES = ("speed", "scaling", "memory", "recording", "accuracy")
 
 
 def main() -> None:
