@@ -15,8 +15,6 @@ def run(
     quiet: bool = False,
 ) -> None:
     """Run every configuration over the recording and log them together."""
-    from pfslam_viz.viewer.compare import compare
-
     if len(config_choices) < 2:
         raise InputError("compare needs two configurations or more: --config paper --config default")
     sinks = sinks.or_viewer()
@@ -27,6 +25,8 @@ def run(
     with console.status(f"reading {chosen.name}", quiet):
         recording = chosen.load()
     configs = [choice.load(recording.format) for choice in config_choices]
+    from pfslam_viz.viewer.compare import compare
+
     console.load_kernels(quiet)
     runs = len(configs)
     label = " | ".join(config.name for config in configs)

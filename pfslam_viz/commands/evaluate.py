@@ -9,13 +9,13 @@ def run(
     chosen: RecordingChoice, config_choices: list[ConfigChoice], seeds: int, paper: bool, as_json: bool, quiet: bool
 ) -> None:
     """Score every configuration over ``seeds`` seeds, with the paper's filter beside them unless it is unwanted."""
-    from pfslam_viz.evaluation.evaluate import evaluate
-
     for choice in config_choices:
         choice.load()
     with console.status(f"reading {chosen.name}", quiet):
         recording = chosen.load()
     configs = [choice.load(recording.format) for choice in config_choices]
+    from pfslam_viz.evaluation.evaluate import evaluate
+
     console.load_kernels(quiet)
     with console.ReplayProgress(len(recording), recording.duration, quiet, "evaluate") as bar:
         report = evaluate(recording, configs, range(seeds), on_progress=bar.show, paper=paper)

@@ -10,10 +10,10 @@ from pfslam_viz.files import check_writable
 
 def run(chosen: RecordingChoice, config_choice: ConfigChoice, out: Path, every: int, quiet: bool) -> None:
     """Run the filter once and write the pictures into the folder ``out``."""
-    from pfslam_viz.figures import write_figures
-
     check_writable(out, folder=True)
     recording, config = load(chosen, config_choice, quiet)
+    from pfslam_viz.figures import write_figures
+
     console.load_kernels(quiet)
     with console.ReplayProgress(len(recording), recording.duration, quiet, "figures") as progress:
         write_figures(recording, config, out, every, on_step=lambda *_: progress.advance())

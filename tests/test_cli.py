@@ -1,0 +1,422 @@
+"""The command line: options, exit statuses, what is printed where, and what is left on disk."""
+
+import errno
+import json
+import os
+import re
+import shlex
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pfslam_viz import cli
+from pfslam_viz.commands.choices import ConfigChoice, SinkChoice, default_config_name
+from pfslam_viz.errors import InputError, PfslamError
+
+ROOT = Path(__file__).resolve().parents[1]
+SINKS = "--save --spawn --serve --bind --connect --stdout"
+SCANS = "--data --robot --start --stop --stride"
+OPTIONS = {
+    "replay": f"{SINKS} {SCANS} --export --config --set --particles --seed --map-every --max-particles --max-beams"
+    " --quiet",
+    "recordings": "--data --json",
+    "info": "--data --robot --json",
+    "fetch": "--data --rgbd --every --base-url --connections --quiet",
+    "simulate": "--seed --duration --building --frames --no-frames --wheel-scale --slip --gyro-bias",
+    "evaluate": f"{SCANS} --config --set --particles --seeds --json --quiet",
+    "compare": f"{SINKS} {SCANS} --config --set --particles --seed --map-every --max-particles --max-beams --quiet",
+    "figures": f"{SCANS} --every --config --set --particles --seed --quiet",
+}
+HEAVY = ("rerun", "cv2", "numba", "scipy", "numpy", "pydantic", "pooch")
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A simulated recording of 6 s, without frames."""
+    out = tmp_path_factory.mktemp("recordings") / "drive"
+    assert cli.call(["simulate", str(out), "--duration", "6", "--no-frames"]) == 0
+    return out
+
+
+@pytest.fixture
+def run(capfd: pytest.CaptureFixture[str]) -> Run:
+    """Call the command line in this process: exit status, stdout, stderr."""
+
+    def call(*arguments: object) -> tuple[int, str, str]:
+        capfd.readouterr()
+        status = cli.call([str(argument) for argument in arguments])
+        return status, *capfd.readouterr()
+
+    return call
+
+
+@pytest.fixture(autouse=True)
+def no_screen(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pfslam_viz.commands.choices.has_screen", lambda: False)
+
+
+def one_line(text: str) -> str:
+    """The error that a run ended with: one line, of the program's name."""
+    lines = text.splitlines()
+    assert lines[-1].startswith("pfslam-viz: ")
+    assert sum(line.startswith("pfslam-viz: ") for line in lines) == 1
+    assert "Traceback" not in text
+    return lines[-1]
+
+
+def python(code: str) -> str:
+    """What a fresh interpreter prints."""
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+
+
+# Help and imports
+
+
+@pytest.mark.parametrize("statement", ["import pfslam_viz", "from pfslam_viz.cli import call; call(['--help'])"])
+def test_start_up_imports_nothing_heavy(statement: str) -> None:
+    loaded = python(f"{statement}\nimport sys\nprint('LOADED', *[m for m in {HEAVY} if m in sys.modules])")
+    assert loaded.splitlines()[-1].split() == ["LOADED"]
+
+
+def test_help_names_every_command(run: Run) -> None:
+    status, out, err = run("--help")
+    assert status == 0, err
+    assert all(command in out for command in OPTIONS)
+
+
+@pytest.mark.parametrize("command", OPTIONS)
+def test_help_of_a_command_has_its_options_and_an_example(run: Run, command: str) -> None:
+    status, out, err = run(command, "--help")
+    assert status == 0, err
+    assert set(OPTIONS[command].split()) <= set(re.findall(r"--[a-z-]+", out))
+    assert f"pfslam-viz {command}" in out.partition("Examples")[2]
+
+
+def test_version(run: Run) -> None:
+    assert run("--version")[:2] == (0, "pfslam-viz 0.1.0\n")
+
+
+def test_no_command_shows_the_help_and_is_wrong_use(run: Run) -> None:
+    status, out, err = run()
+    assert status == 2
+    assert "replay" in out + err
+
+
+# Errors
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("replay", "RECORDING"),
+        ("replay x --sve y", "--sve"),
+        ("replai x", "replai"),
+        ("replay x --particles 0", "--particles"),
+        ("replay x --particles many", "--particles"),
+        ("replay x --stride 0", "--stride"),
+        ("replay nowhere --save x.rrd", "nowhere"),
+        ("replay nowhere/at.clf --save x.rrd", r"nowhere/at\.clf"),
+        ("replay x --save x.rrd --config nonesuch", "nonesuch"),
+        ("replay x --save x.rrd --set map.cell=-1", r"map\.cell"),
+        ("replay x --save x.rrd --spawn --connect rerun+http://127.0.0.1:1/proxy", "exclude each other"),
+        ("replay x --save x.rrd --stdout", "--stdout goes alone"),
+        ("info nowhere", "nowhere"),
+        ("compare x --config paper --save x.rrd", "two configurations"),
+        ("simulate . --duration 0.1", "duration"),
+    ],
+)
+def test_wrong_use_is_status_2_and_one_line(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: str, message: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    status, out, err = run(*line.split())
+    assert status == 2
+    assert out == ""
+    assert re.search(message, one_line(err))
+    assert not list(tmp_path.rglob("*.rrd"))
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "message"),
+    [
+        (InputError("odd: file"), 2, "odd: file"),
+        (PfslamError("broke"), 1, "broke"),
+        (OSError(errno.ENOSPC, "No space left on device", "out.rrd"), 1, "out.rrd: No space left on device"),
+        (MemoryError(), 1, "out of memory"),
+        (ValueError("two\nlines"), 1, "ValueError: two lines; --debug shows where"),
+        (KeyboardInterrupt(), 130, "interrupted"),
+    ],
+)
+def test_what_goes_wrong_inside_a_command(
+    run: Run, monkeypatch: pytest.MonkeyPatch, error: BaseException, status: int, message: str
+) -> None:
+    def fail(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr("pfslam_viz.commands.recordings.run_list", fail)
+    assert run("recordings") == (status, "", f"pfslam-viz: {message}\n")
+
+
+@pytest.mark.parametrize("line", ["--debug recordings", "recordings --debug"])
+def test_debug_shows_the_traceback_wherever_it_stands(run: Run, monkeypatch: pytest.MonkeyPatch, line: str) -> None:
+    def fail(*_: object) -> None:
+        raise ValueError("deep")
+
+    monkeypatch.setattr("pfslam_viz.commands.recordings.run_list", fail)
+    status, _, err = run(*line.split())
+    assert status == 1
+    assert "Traceback" in err
+    assert err.endswith("pfslam-viz: ValueError: deep\n")
+
+
+# Replay
+
+
+def test_replay_writes_a_recording_and_a_summary(run: Run, drive: Path, tmp_path: Path) -> None:
+    from rerun.chunk import RrdReader
+
+    out = tmp_path / "new" / "out.rrd"
+    status, shown, err = run("replay", drive, "--save", out, "--config", "paper", "--particles", "40", "--stop", "60")
+    assert status == 0, err
+    assert list(out.parent.iterdir()) == [out]
+    paths = {str(path) for path in RrdReader(str(out)).store().schema().entity_paths()}
+    assert any("particles" in path for path in paths)
+    for word in ("path length", "end-to-start gap", "error against truth", "ms a scan", "resampled", "out.rrd"):
+        assert word in shown
+    assert "60 scans, 40 particles, seed 0" in shown
+
+
+def test_the_summary_tells_the_trajectorys_length_and_gap(run: Run, drive: Path, tmp_path: Path) -> None:
+    status, shown, err = run("replay", drive, "--export", tmp_path, "--config", "paper", "--particles", "30")
+    assert status == 0, err
+    row = {line.split("│")[1].strip(): line.split("│")[2:4] for line in shown.splitlines() if line.startswith("│")}
+    for column, name in enumerate(("estimate", "dead_reckoning")):
+        x, y = np.loadtxt(tmp_path / f"{name}.tum")[:, 1:3].T
+        length, gap = np.hypot(np.diff(x), np.diff(y)).sum(), np.hypot(x[-1] - x[0], y[-1] - y[0])
+        assert row["path length"][column].strip() == f"{length:.2f} m"
+        assert row["end-to-start gap"][column].strip() == f"{gap:.2f} m"
+
+
+def test_export_goes_without_a_recording_and_follows_every_choice(run: Run, drive: Path, tmp_path: Path) -> None:
+    choices = "--config paper --particles 30 --seed 7 --set map.cell=0.1 --start 10 --stop 70 --stride 2 --quiet"
+    assert run("replay", drive, "--export", tmp_path, *choices.split()) == (0, "", "")
+    config = json.loads((tmp_path / "metrics.json").read_text())["config"]
+    assert (config["name"], config["particles"], config["seed"], config["map"]["cell"]) == ("paper", 30, 7, 0.1)
+    assert len((tmp_path / "estimate.tum").read_text().splitlines()) == 30
+    assert {p.name for p in tmp_path.iterdir()} >= {"online.tum", "dead_reckoning.tum", "map.pgm", "map.yaml"}
+
+
+def test_the_same_seed_gives_the_same_trajectory(run: Run, drive: Path, tmp_path: Path) -> None:
+    options = "--config paper --particles 30 --stop 60 --quiet --seed"
+    for folder, seed in (("a", 1), ("b", 1), ("c", 2)):
+        assert run("replay", drive, "--export", tmp_path / folder, *options.split(), seed)[0] == 0
+    a, b, c = ((tmp_path / folder / "estimate.tum").read_bytes() for folder in "abc")
+    assert a == b
+    assert a != c
+
+
+def test_stdout_holds_the_recording_and_nothing_else(drive: Path) -> None:
+    command = [sys.executable, "-m", "pfslam_viz", "replay", str(drive), "--stdout", "--config", "paper"]
+    done = subprocess.run([*command, "--particles", "20", "--stop", "20"], capture_output=True, check=True)
+    assert done.stdout[:4] == b"RRF2"
+    assert b"path length" not in done.stdout
+    assert b"path length" in done.stderr
+
+
+def test_without_a_place_to_go_and_without_a_screen(run: Run, drive: Path) -> None:
+    status, out, err = run("replay", drive)
+    assert (status, out) == (2, "")
+    assert "--save" in one_line(err)
+
+
+def test_without_a_place_to_go_the_viewer_is_opened(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pfslam_viz.commands.choices.has_screen", lambda: True)
+    assert SinkChoice().or_viewer() == SinkChoice(spawn=True)
+    assert SinkChoice(save=Path("x")).or_viewer() == SinkChoice(save=Path("x"))
+
+
+@pytest.mark.parametrize("target", ["folder", "file/out.rrd"])
+def test_an_output_that_cannot_be_written_ends_before_anything_is_read(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, target: str
+) -> None:
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr("pfslam_viz.recordings.catalog.load_recording", lambda *_: pytest.fail("was read"))
+    status, out, err = run("replay", "demo", "--save", tmp_path / target)
+    assert (status, out) == (2, "")
+    assert target.split("/")[0] in one_line(err)
+
+
+@pytest.mark.parametrize("option", ["--start", "--stop"])
+def test_no_scan_is_left(run: Run, drive: Path, tmp_path: Path, option: str) -> None:
+    scans = {"--start": ["--start", 9999], "--stop": ["--start", 5, "--stop", 5]}[option]
+    status, _, err = run("replay", drive, "--export", tmp_path / "out", *scans)
+    assert status == 2
+    assert "no scan is left" in one_line(err)
+    assert not (tmp_path / "out").exists()
+
+
+def at_scan(number: int, action: Callable[[], None], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Do something while scan ``number`` is logged."""
+    from pfslam_viz.viewer.stream import ReplayStream
+
+    plain = ReplayStream.log
+
+    def log(self: ReplayStream, step: Any) -> None:
+        if step.index == number:
+            action()
+        plain(self, step)
+
+    monkeypatch.setattr(ReplayStream, "log", log)
+
+
+def replay_to(path: Path, drive: Path) -> list[object]:
+    return ["replay", drive, "--save", path, "--config", "paper", "--particles", 20]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_run_keeps_what_it_has(
+    run: Run, drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals
+) -> None:
+    from rerun.chunk import RrdReader
+
+    at_scan(25, lambda: os.kill(os.getpid(), number), monkeypatch)
+    before = signal.getsignal(number)
+    status, shown, err = run(*replay_to(tmp_path / "out.rrd", drive))
+    assert status == 130
+    assert re.search(r"interrupted after scan 26 of \d+; .*out\.rrd holds them", one_line(err))
+    assert "after 26 of" in shown
+    assert list(tmp_path.iterdir()) == [tmp_path / "out.rrd"]
+    assert RrdReader(str(tmp_path / "out.rrd")).store().schema().entity_paths()
+    assert signal.getsignal(number) == before
+
+
+@pytest.mark.parametrize(
+    ("error", "message"),
+    [(OSError(errno.ENOSPC, "No space left on device"), "No space left"), (RuntimeError("odd"), "RuntimeError: odd")],
+)
+def test_a_failing_run_leaves_no_file(
+    run: Run, drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception, message: str
+) -> None:
+    def fail() -> None:
+        raise error
+
+    (tmp_path / "out.rrd").write_text("an older recording")
+    at_scan(25, fail, monkeypatch)
+    status, out, err = run(*replay_to(tmp_path / "out.rrd", drive))
+    assert (status, out) == (1, "")
+    assert message in one_line(err)
+    assert (tmp_path / "out.rrd").read_text() == "an older recording"
+    assert list(tmp_path.iterdir()) == [tmp_path / "out.rrd"]
+
+
+# The other commands
+
+
+def test_recordings_and_info_as_json(run: Run, drive: Path) -> None:
+    status, out, err = run("recordings", "--data", drive.parent, "--json")
+    assert status == 0, err
+    names = {entry["name"]: entry["status"] for entry in json.loads(out)}
+    assert names["drive"] == "here"
+    assert {"demo", "20", "21", "23", "intel", "fr079"} <= names.keys()
+    status, out, err = run("info", drive, "--json")
+    assert status == 0, err
+    assert json.loads(out)["lidar"]["beams"] == 1081
+
+
+def test_recordings_and_info_as_tables(run: Run, drive: Path) -> None:
+    assert "drive" in run("recordings", "--data", drive.parent)[1]
+    assert re.search(r"lidar · beams +1,081", run("info", "drive", "--data", drive.parent)[1])
+
+
+def test_simulate_does_not_overwrite_other_files(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("precious")
+    status, _, err = run("simulate", tmp_path, "--no-frames")
+    assert status == 2
+    one_line(err)
+    assert [p.name for p in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_evaluate_as_json(run: Run, drive: Path) -> None:
+    options = "--config paper,particles=20 --seeds 2 --stop 60 --no-paper --json --quiet"
+    status, out, err = run("evaluate", drive, *options.split())
+    assert (status, err) == (0, "")
+    methods = {method["name"]: method for method in json.loads(out)["methods"]}
+    assert methods.keys() == {"dead reckoning", "paper,particles=20"}
+    assert [r["seed"] for r in methods["paper,particles=20"]["runs"]] == [0, 1]
+    assert methods["paper,particles=20"]["runs"][0]["truth"]["position_rmse_m"] < 0.5
+
+
+def test_evaluate_runs_the_paper_beside_it(run: Run, drive: Path) -> None:
+    status, out, err = run("evaluate", drive, "--config", "paper,particles=20", "--stop", 30, "--quiet")
+    assert status == 0, err
+    assert all(name in out for name in ("dead reckoning", "paper,particles=20", "position rmse"))
+
+
+def test_compare_puts_runs_into_one_file(run: Run, drive: Path, tmp_path: Path) -> None:
+    from rerun.chunk import RrdReader
+
+    configs = ["--config", "paper,particles=10", "--config", "paper,particles=40"]
+    status, out, err = run("compare", drive, *configs, "--stop", 40, "--save", tmp_path / "cmp.rrd")
+    assert status == 0, err
+    assert "paper,particles=10" in out
+    paths = [str(path) for path in RrdReader(str(tmp_path / "cmp.rrd")).store().schema().entity_paths()]
+    assert len([path for path in paths if path.endswith("/particles")]) == 2
+
+
+def test_figures(run: Run, drive: Path, tmp_path: Path) -> None:
+    options = ["--config", "paper", "--particles", 20, "--stop", 60, "--every", 30]
+    assert run("figures", drive, tmp_path / "out", *options)[0] == 0
+    pictures = re.findall(r'src="([^"]+)"', (tmp_path / "out" / "index.html").read_text())
+    assert pictures
+    assert all((tmp_path / "out" / picture).is_file() for picture in pictures)
+
+
+# Choices
+
+
+def test_a_configuration_with_settings_of_its_own() -> None:
+    choice = ConfigChoice.parse("paper,particles=50,motion.variance=[0.1,0.2,0.3]", ("map.cell=0.1",), 99, 3)
+    config = choice.load()
+    assert config.name == "paper,particles=50,motion.variance=[0.1,0.2,0.3]"
+    assert (config.particles, config.seed, config.map.cell) == (50, 3, 0.1)
+    assert config.motion.variance == (0.1, 0.2, 0.3)
+    assert ConfigChoice.parse("paper", (), 99).load().particles == 99
+
+
+def test_the_default_configuration_depends_on_the_format(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pfslam_viz.commands.choices.configs_dir", lambda: tmp_path)
+    assert default_config_name("carmen") == "default"
+    (tmp_path / "carmen.toml").write_text("")
+    assert default_config_name("carmen") == "carmen"
+    assert default_config_name("ece276a") == "default"
+
+
+# The README
+
+
+def readme_commands() -> list[str]:
+    """Every pfslam-viz command line in the README's code blocks."""
+    blocks = re.findall(r"```(?:bash|sh)\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    lines = "\n".join(blocks).replace("\\\n", " ").splitlines()
+    parts = [part.strip() for line in lines for part in re.split(r"&&|\|", line.partition(" #")[0])]
+    return [part for part in parts if part.startswith("pfslam-viz ")]
+
+
+@pytest.mark.parametrize("line", readme_commands())
+def test_the_readmes_commands_exist(line: str) -> None:
+    _, command, *arguments = shlex.split(line)
+    assert set(re.findall(r"--[a-z-]+", " ".join(arguments))) <= set(OPTIONS[command].split())
+
+
+def test_the_readme_names_the_test_command_where_ci_looks_for_it() -> None:
+    found = re.findall(r"<!-- test command -->\n```bash\n(.+)\n```", (ROOT / "README.md").read_text(encoding="utf-8"))
+    assert found == ["pip install -e '.[dev]' && python -m pytest"]
