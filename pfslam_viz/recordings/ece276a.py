@@ -251,7 +251,7 @@ def _held(odometry: WheelOdometry, first: float, last: float) -> list[str]:
             notes.append(f"{what}: first sample {late:.2f} s after the first scan; taken to rest until then")
         if early > _SLACK:
             notes.append(f"{what}: last sample {early:.2f} s before the last scan; taken to rest from then on")
-    rolled = odometry.rolled_between(float(odometry.gyro_stamps[-1]), last)
+    rolled = odometry.rolled_between(min(float(odometry.gyro_stamps[-1]), last), last)
     if abs(rolled) > 0.05:
         notes.append(f"IMU: the wheels roll another {rolled:.2f} m after its end; turns in them are not seen")
     return notes

@@ -24,9 +24,10 @@ def read_arrays(path: Path, required: Iterable[str], optional: Iterable[str] = (
     required = tuple(required)
     found: dict[str, NDArray[Any]] = {}
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            if not isinstance(archive, np.lib.npyio.NpzFile):
-                raise InputError(f"{path}: holds one bare array; expected an .npz with {', '.join(required)}")
+        archive = np.load(path, allow_pickle=False)
+        if not isinstance(archive, np.lib.npyio.NpzFile):
+            raise InputError(f"{path}: holds one bare array; expected an .npz with {', '.join(required)}")
+        with archive:
             missing = [key for key in required if key not in archive]
             if missing:
                 present = ", ".join(archive.files) or "nothing"
