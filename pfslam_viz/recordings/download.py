@@ -180,19 +180,19 @@ class _Failed(Exception):
 
 def _explain(error: OSError, patience: Patience) -> tuple[str, bool]:
     """What went wrong in a few words, and whether it may go better the next time."""
+    kind = type(error).__name__
+    if kind == "TooManyRedirects":
+        return "redirected without end", False
     response = getattr(error, "response", None)
     if response is not None:
         code = int(response.status_code)
         if code == 404:
             return _NOT_FOUND, False
         return f"the server answered {code} {response.reason}", code >= 500 or code in (408, 429)
-    kind = type(error).__name__
     if isinstance(error, ValueError):  # requests' errors about addresses
         return "not a usable address", False
     if "Timeout" in kind or "timed out" in str(error):
         return f"no data for {patience.timeout:g} s", True
-    if kind == "TooManyRedirects":
-        return "redirected without end", False
     if kind == "ChunkedEncodingError":
         return "the connection broke off", True
     return "no connection", True
