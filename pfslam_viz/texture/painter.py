@@ -1,0 +1,180 @@
+"""Feeds the floor texture: pairs colour and disparity frames, finds the pose at which they were taken, reads them."""
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pfslam_viz import geometry
+from pfslam_viz.config import TextureConfig
+from pfslam_viz.recordings.recording import Frames
+from pfslam_viz.texture.floor_texture import FloorTexture, check_images
+
+Images = tuple[NDArray[np.uint16], NDArray[np.uint8]]
+
+FARTHEST_APART = 0.2  # s between the two frames of a pair; a robot that turns has looked elsewhere by then
+AHEAD = 4  # pairs that are read in advance
+PNG_START, PNG_END = b"\x89PNG\r\n\x1a\n", b"IEND\xaeB`\x82"
+
+
+@dataclass(slots=True)
+class SkippedFrames:
+    """How many colour frames were not painted, by reason.
+
+    ``missing``: the colour or disparity file is not there; ``unreadable``: damaged; ``wrong``: of another size or type
+    than the Kinect's; ``without_disparity``: none was taken within 0.2 s; ``without_pose``: taken before the first or
+    after the last scan.
+    """
+
+    missing: int = 0
+    unreadable: int = 0
+    wrong: int = 0
+    without_disparity: int = 0
+    without_pose: int = 0
+
+    @property
+    def total(self) -> int:
+        """All of them."""
+        return sum(getattr(self, f.name) for f in fields(self))
+
+    def __str__(self) -> str:
+        """Such as ``3 missing, 1 unreadable``; empty when there are none."""
+        counts = [(getattr(self, f.name), f.name.replace("_", " ")) for f in fields(self)]
+        return ", ".join(f"{n} {reason}" for n, reason in counts if n)
+
+
+class _UnusableFrame(Exception):
+    def __init__(self, reason: str) -> None:
+        self.reason = reason
+
+
+class TexturePainter:
+    """Paints the floor as the filter goes: tell it every pose, in order, and ask for :attr:`texture`.
+
+    Each colour frame goes with the disparity frame nearest in time, and with the pose at the disparity's stamp, linear
+    between the scans before and after. Frames that cannot be used are counted in :attr:`skipped`.
+    """
+
+    def __init__(self, frames: Frames, config: TextureConfig, cell: float) -> None:
+        self.frames = frames
+        self.config = config
+        self.texture = FloorTexture(frames.camera, config, cell)
+        self.skipped = SkippedFrames()
+        self.painted = 0
+        self.pairs = pair(frames.color_stamps, frames.disparity_stamps)
+        self.skipped.without_disparity = len(frames.color_stamps) - len(self.pairs)
+        self._stamps = frames.disparity_stamps[self.pairs[:, 1]] if len(self.pairs) else np.zeros(0)
+        self._next = 0
+        self._last: tuple[float, NDArray[np.float64]] | None = None
+        self._read: dict[int, Future[Images]] = {}
+        self._reader: ThreadPoolExecutor | None = None
+
+    def add_pose(self, stamp: float, pose: ArrayLike) -> tuple[int, int] | None:
+        """The robot was at ``pose`` (3,) at ``stamp`` s: paint every frame taken since the pose before.
+
+        Returns the index of the colour and of the disparity frame painted last, or None if there was none.
+        """
+        here = np.asarray(pose, dtype=np.float64).copy()
+        done = None
+        while self._next < len(self.pairs) and self._stamps[self._next] <= stamp:
+            at = float(self._stamps[self._next])
+            if self._last is None and at < stamp:
+                self.skipped.without_pose += 1
+            else:
+                before, there = self._last or (stamp, here)
+                then = geometry.interpolate_poses([before, stamp], [there, here], [at])[0] if before < stamp else here
+                if self._paint(self._next, then):
+                    done = int(self.pairs[self._next, 0]), int(self.pairs[self._next, 1])
+            self._next += 1
+        self._last = stamp, here
+        return done
+
+    def finish(self) -> None:
+        """No more poses: the frames that are left have none."""
+        self.skipped.without_pose += len(self.pairs) - self._next
+        self._next = len(self.pairs)
+        self.close()
+
+    def close(self) -> None:
+        """Stop reading ahead."""
+        if self._reader is not None:
+            self._reader.shutdown(wait=True, cancel_futures=True)
+            self._reader = None
+        self._read.clear()
+
+    def repaint(self, stamps: ArrayLike, poses: ArrayLike) -> FloorTexture:
+        """Paint anew along a whole trajectory, poses (n, 3) at increasing stamps (n,) s, as known in hindsight."""
+        fresh = TexturePainter(self.frames, self.config, self.texture.cell)
+        for stamp, pose in zip(np.asarray(stamps, np.float64), np.asarray(poses, np.float64), strict=True):
+            fresh.add_pose(float(stamp), pose)
+        fresh.finish()
+        return fresh.texture
+
+    def _paint(self, index: int, pose: NDArray[np.float64]) -> bool:
+        try:
+            disparity, color = self._images(index)
+        except _UnusableFrame as unusable:
+            setattr(self.skipped, unusable.reason, getattr(self.skipped, unusable.reason) + 1)
+            return False
+        self.texture.add(disparity, color, pose)
+        self.painted += 1
+        return True
+
+    def _images(self, index: int) -> Images:
+        """The images of a pair. The next pairs are read meanwhile: decoding costs more than painting."""
+        if self._reader is None:
+            self._reader = ThreadPoolExecutor(max_workers=1, thread_name_prefix="frames")
+        for k in range(index, min(index + 1 + AHEAD, len(self.pairs))):
+            if k not in self._read:
+                color, disparity = self.pairs[k]
+                paths = self.frames.color_paths[color], self.frames.disparity_paths[disparity]
+                self._read[k] = self._reader.submit(read_images, *paths, self.texture.shape_of_images)
+        return self._read.pop(index).result()
+
+
+def pair(color_stamps: ArrayLike, disparity_stamps: ArrayLike) -> NDArray[np.intp]:
+    """(k, 2) indices of every colour frame and of the disparity frame nearest to it, in order of the disparity's stamp.
+
+    Both stamps (a,), (b,) must increase. Of two equally near frames the earlier one counts. Colour frames without a
+    disparity frame within FARTHEST_APART are left out.
+    """
+    color, disparity = np.asarray(color_stamps, np.float64), np.asarray(disparity_stamps, np.float64)
+    if len(color) == 0 or len(disparity) == 0:
+        return np.zeros((0, 2), np.intp)
+    after = np.clip(np.searchsorted(disparity, color), 1, max(len(disparity) - 1, 1))
+    before, after = after - 1, np.minimum(after, len(disparity) - 1)
+    nearest = np.where(color - disparity[before] <= disparity[after] - color, before, after)
+    pairs = np.stack([np.arange(len(color)), nearest], axis=-1)
+    return pairs[np.abs(color - disparity[nearest]) <= FARTHEST_APART]
+
+
+def read_images(color: Path | None, disparity: Path | None, shape: tuple[int, int]) -> Images:
+    """The disparity and the RGB image of a pair, checked to be what a Kinect with images of ``shape`` delivers."""
+    depth_image, color_image = _read(disparity), _read(color)
+    try:
+        check_images(depth_image, color_image, shape)
+    except ValueError:
+        raise _UnusableFrame("wrong") from None
+    return depth_image.astype(np.uint16, copy=False), np.ascontiguousarray(color_image[..., ::-1], dtype=np.uint8)
+
+
+def _read(path: Path | None) -> NDArray[np.generic]:
+    import cv2
+
+    if path is None:
+        raise _UnusableFrame("missing")
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise _UnusableFrame("missing") from None
+    except OSError:
+        raise _UnusableFrame("unreadable") from None
+    # The decoder fills what is missing of a file that was cut off with black, so ask for its end.
+    if not data.startswith(PNG_START) or not data.rstrip(b"\0").endswith(PNG_END):
+        raise _UnusableFrame("unreadable")
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if image is None:
+        raise _UnusableFrame("unreadable")
+    return np.asarray(image)
