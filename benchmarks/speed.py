@@ -88,14 +88,19 @@ def table(numbers: dict[str, Any]) -> str:
     return "\n".join(rows) + "\n" + whole
 
 
+def replay_command(case: Case, path: Path) -> list[str]:
+    """The command line that replays the case into ``path``."""
+    command = [sys.executable, "-m", "pfslam_viz", "replay", case.recording, "--config", case.config, "--quiet"]
+    command += ["--save", str(path)]
+    command += ["--data", case.data] if case.data else []
+    command += ["--stop", str(case.stop)] if case.stop else []
+    return command + [word for setting in case.all_settings() for word in ("--set", setting)]
+
+
 def command_seconds(case: Case) -> float:
     """Seconds that the whole command takes, interpreter and imports included."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "pfslam_viz", "replay", case.recording, "--config", case.config, "--quiet"]
-        command += ["--save", str(Path(folder) / "out.rrd")]
-        command += ["--data", case.data] if case.data else []
-        command += ["--stop", str(case.stop)] if case.stop else []
-        command += [word for setting in case.all_settings() for word in ("--set", setting)]
+        command = replay_command(case, Path(folder) / "out.rrd")
         started = perf_counter()
         subprocess.run(command, cwd=ROOT, check=True)
         return perf_counter() - started
