@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,9 @@ from pfslam_viz.slam.protocol import Scan, Slam
 from pfslam_viz.slam.rao_blackwellized import RaoBlackwellizedFilter
 from pfslam_viz.slam.worker import Worker, cores
 from pfslam_viz.step import Step
+
+if TYPE_CHECKING:
+    from pfslam_viz.texture import FloorTexture, SkippedFrames, TexturePainter
 
 Array = NDArray[np.float64]
 
@@ -41,6 +45,8 @@ class Result:
         resamplings: how many scans were followed by resampling.
         uninformative: how many scans had no correlation with the map.
         interrupted: whether the run was stopped before the last scan.
+        texture: the floor texture, if it was painted.
+        skipped_frames: how many colour frames were not painted, by reason, if any were to be.
     """
 
     recording: Recording
@@ -56,6 +62,8 @@ class Result:
     resamplings: int
     uninformative: int
     interrupted: bool
+    texture: "FloorTexture | None" = None
+    skipped_frames: "SkippedFrames | None" = None
 
 
 class Replay:
@@ -64,16 +72,21 @@ class Replay:
     An iteration that is left early may be taken up again by another one, where it stopped.
     """
 
-    def __init__(self, recording: Recording, config: Config, threads: int | None = None) -> None:
-        """``threads``: 1, or 2 to let a second one draw dead reckoning's map and help to weigh the particles.
+    def __init__(
+        self, recording: Recording, config: Config, *, texture: bool = True, threads: int | None = None
+    ) -> None:
+        """Prepare to replay ``recording`` under ``config``.
 
-        None takes as many of them as there are cores. The results do not depend on it.
+        Without ``texture``, the floor is not painted, whatever the configuration and the recording hold. With 2
+        ``threads``, a second one draws dead reckoning's map and helps to weigh the particles; None takes 2 if there are
+        as many cores. The results do not depend on it.
         """
         self.recording = recording
         self.config = config
         self._worker = Worker() if (cores() if threads is None else threads) > 1 else None
         self.slam = make_slam(config, self._worker)
         self.dead_reckoning_grid = OccupancyGrid(config.map)
+        self.painter = _painter(recording, config, self.slam.grid.cell) if texture else None
         self.truth = _truth_from_start(recording)
         self._dead_reckoning = recording.dead_reckoning()
         self._online = np.zeros((len(recording), 3))
@@ -87,13 +100,17 @@ class Replay:
         finally:
             if self._worker:
                 self._worker.close()
+            if self.painter:
+                self.painter.close()
         if not self._finished:
             self.slam.finish()
+            if self.painter:
+                self.painter.finish()
             self._finished = True
 
     def _steps(self) -> Iterator[Step]:
         """Algorithm 1, scan by scan, with dead reckoning beside it."""
-        recording, slam, worker = self.recording, self.slam, self._worker
+        recording, slam, worker, painter = self.recording, self.slam, self._worker, self.painter
         reader = ScanReader.of(recording.lidar, self.config.observation)
         times = recording.times
         for k in range(self._done, len(recording)):
@@ -114,6 +131,8 @@ class Replay:
             clock.lap("resample")
             reckoned_end_points = drawn.result() if drawn else self._draw_dead_reckoning(reckoned, scan)
             clock.lap("dead_reckoning")
+            painted = painter.add_pose(scan.stamp, estimate.mean) if painter else None
+            clock.lap("texture")
             self._online[k] = estimate.best
             self._resamplings += estimate.resampled
             self._uninformative += not estimate.informative
@@ -129,9 +148,9 @@ class Replay:
                 dead_reckoning_end_points=reckoned_end_points,
                 grid=slam.grid,
                 dead_reckoning_grid=self.dead_reckoning_grid,
-                texture=None,
-                color_frame=None,
-                disparity_frame=None,
+                texture=painter.texture if painter and painted else None,
+                color_frame=painted[0] if painted else None,
+                disparity_frame=painted[1] if painted else None,
                 truth=None if self.truth is None else self.truth[k],
                 seconds={phase: float(values[k]) for phase, values in self._seconds.items()},
             )
@@ -159,6 +178,8 @@ class Replay:
             resamplings=self._resamplings,
             uninformative=self._uninformative,
             interrupted=n < len(self.recording),
+            texture=None if self.painter is None else self.painter.texture,
+            skipped_frames=None if self.painter is None else self.painter.skipped,
         )
 
 
@@ -167,6 +188,15 @@ def make_slam(config: Config, worker: Worker | None = None) -> Slam:
     if config.backend == "rao_blackwellized":
         return RaoBlackwellizedFilter(config)
     return ParticleFilter(config, worker)
+
+
+def _painter(recording: Recording, config: Config, cell: float) -> "TexturePainter | None":
+    """Who paints the floor in cells of ``cell`` m, if there are images of it and painting is wanted."""
+    if recording.frames is None or not config.texture.enabled:
+        return None
+    from pfslam_viz.texture import TexturePainter
+
+    return TexturePainter(recording.frames, config.texture, cell)
 
 
 def _truth_from_start(recording: Recording) -> Array | None:

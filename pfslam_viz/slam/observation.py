@@ -39,7 +39,9 @@ class ScanReader:
         """One scan's ranges (B,) m; those outside the limits are no return and are left out."""
         from pfslam_viz.slam import kernels
 
-        points = kernels.read_scan(ranges, self.directions, self.origin, self.shortest, self.longest)
+        points = kernels.read_scan(
+            np.ascontiguousarray(ranges, np.float32), self.directions, self.origin, self.shortest, self.longest
+        )
         if self.max_beams is not None and len(points) > self.max_beams:
             points = points[np.linspace(0, len(points) - 1, self.max_beams).round().astype(np.intp)]
         return Scan(index, stamp, points, self.origin)
