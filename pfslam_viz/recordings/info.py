@@ -100,7 +100,7 @@ def _streams(streams: Iterable[Stream], first: float) -> Description:
             longest = int(np.argmax(gaps))
             entry |= {
                 "rate_hz": round(len(gaps) / span, 2) if span > 0 else None,
-                "start_s": round(float(stamps[0]) - first, 3),
+                "start_s": round(float(stamps[0]) - first, 3) + 0.0,
                 "end_s": round(float(stamps[-1]) - first, 3),
                 "longest_gap_s": round(float(gaps[longest]), 3),
                 "longest_gap_at_s": round(float(stamps[longest]) - first, 3),

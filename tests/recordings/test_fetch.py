@@ -14,7 +14,7 @@ import pytest
 
 from pfslam_viz.errors import InputError, PfslamError
 from pfslam_viz.recordings import fetch as fetching
-from pfslam_viz.recordings.download import Patience, Request, Unavailable, download, has_digest
+from pfslam_viz.recordings.download import Meter, Patience, Request, Unavailable, download, has_digest
 from pfslam_viz.recordings.fetch import check_color, check_disparity, fetch
 from pfslam_viz.recordings.sources import SOURCES, RemoteFile, Source
 
@@ -171,6 +171,24 @@ def redirect_to(handler: http.server.BaseHTTPRequestHandler, path: str) -> None:
     handler.send_header("Location", path)
     handler.send_header("Content-Length", "0")
     handler.end_headers()
+
+
+def test_short_body_that_nobody_else_notices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Older versions of requests take a body for whole when the server hangs up."""
+    import pooch
+
+    class Downloader:
+        def __init__(self, progressbar: Meter, **options: object) -> None:
+            self.meter = progressbar
+
+        def __call__(self, url: str, path: str, unused: None) -> None:
+            self.meter.total = 10
+            Path(path).write_bytes(b"12345")
+
+    monkeypatch.setattr(pooch, "HTTPDownloader", Downloader)
+    with pytest.raises(Unavailable, match="only 5 of 10 bytes came, 3 times"):
+        download(Request(["http://127.0.0.1/x"], tmp_path / "x", lambda path: None), patience=QUICK)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_no_server(tmp_path: Path) -> None:

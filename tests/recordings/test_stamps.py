@@ -11,6 +11,12 @@ def test_order_sorts_and_says_how_often_stamps_ran_backwards() -> None:
     assert "backwards 2 times" in notes[1]
 
 
+def test_samples_of_equal_stamp_keep_their_order() -> None:
+    stamps = np.concatenate([np.ones(500), np.zeros(500)])
+    expected = [*range(500, 1000), *range(500)]
+    assert order(stamps, "lidar", []).tolist() == expected
+
+
 def test_order_leaves_what_is_in_order_alone() -> None:
     notes: list[str] = []
     assert order(np.array([1.0, 1.0, 2.0]), "lidar", notes).tolist() == [0, 1, 2]
