@@ -31,7 +31,7 @@ def main(arguments: list[str]) -> None:
     case = case_of(given, particles=given.particles, beams=given.beams, cell=given.cell, log=not given.no_log)
     print(machine.describe(), "\n")
     numbers = measure(case)
-    print(f"{case.recording}, {case.config}: {settings(numbers)}\n")
+    print(f"{given.recording}, {case.config}: {settings(numbers)}\n")
     print(table(numbers))
     if given.literal:
         literal = measure(replace(case, filter="literal"))
@@ -55,8 +55,10 @@ def add_case_options(parser: argparse.ArgumentParser) -> None:
 def case_of(given: argparse.Namespace, **more: Any) -> Case:
     """The case that the options of :func:`add_case_options` name."""
     data = str(Path(given.data).resolve()) if given.data else None
+    path = Path(given.recording)  # the runs have another working directory
+    recording = str(path.resolve()) if len(path.parts) > 1 else given.recording
     return Case(
-        recording=given.recording,
+        recording=recording,
         data=data,
         config=given.config,
         stop=given.stop,

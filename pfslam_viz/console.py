@@ -1,14 +1,15 @@
 """What a run shows in the terminal: a line while kernels are compiled, a progress bar, and the table at the end."""
 
 import math
-from collections.abc import Iterator, Sequence
+import sys
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from rich.console import Console, Group
+from rich.console import Console, Group, RenderableType
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
@@ -16,6 +17,7 @@ from rich.text import Text
 from pfslam_viz import geometry
 from pfslam_viz.replay import PHASES, Result
 
+PIPE_WIDTH = 120  # columns, where there is no terminal to ask
 COMPILING = "compiling kernels (first run on this machine)"
 
 
@@ -35,7 +37,9 @@ def tell(message: str) -> None:
 
 def results(to_stderr: bool = False) -> Console:
     """Where results go: stdout, unless that carries data."""
-    return messages() if to_stderr else Console(highlight=False)
+    if to_stderr:
+        return messages()
+    return Console(highlight=False, width=None if sys.stdout.isatty() else PIPE_WIDTH)
 
 
 def load_kernels(quiet: bool = False) -> None:
@@ -141,12 +145,7 @@ def summary(
     """
     config = result.config
     title = f"{result.recording.name}, {config.name}: {len(result.stamps):,} scans, {config.particles:,} particles"
-    paths = Table(title=f"{title}, seed {config.seed}", title_justify="left")
-    paths.add_column()
-    paths.add_column("particle filter", justify="right")
-    paths.add_column("dead reckoning", justify="right", style="dim")
-    for name, estimated, reckoned in _accuracy(result):
-        paths.add_row(name, estimated, reckoned)
+    paths = _trajectories(f"{title}, seed {config.seed}", {"particle filter": result})
     run = Table(box=None, show_header=False, pad_edge=False)
     run.add_column(style="dim")
     run.add_column()
@@ -155,10 +154,33 @@ def summary(
     if result.interrupted:
         run.add_row("interrupted", f"after {len(result.stamps):,} of {len(result.recording):,} scans")
     if file is not None:
-        run.add_row("recording", f"{file}, {file.stat().st_size / 1e6:.1f} MB")
+        run.add_row("recording", f"{file.name}, {file.stat().st_size / 1e6:.1f} MB")
     for phrase in left_out:
         run.add_row("left out", phrase)
     return Group(paths, run)
+
+
+def comparison(results: Sequence[Result], seconds: float, file: Path | None = None) -> Group:
+    """The same for several runs over one recording, a column for each; ``seconds`` they took together."""
+    first = results[0]
+    title = f"{first.recording.name}: {len(first.stamps):,} of {len(first.recording):,} scans, {seconds:.1f} s in all"
+    parts: list[RenderableType] = [_trajectories(title, {result.config.name: result for result in results})]
+    if file is not None:
+        parts.append(Text(f"recording  {file.name}, {file.stat().st_size / 1e6:.1f} MB"))
+    return Group(*parts)
+
+
+def _trajectories(title: str, results: Mapping[str, Result]) -> Table:
+    """A column for each result, by name, and dead reckoning's."""
+    table = Table(title=Text(title), title_justify="left")
+    table.add_column()
+    for name in results:
+        table.add_column(Text(name), justify="right")
+    table.add_column("dead reckoning", justify="right", style="dim")
+    for rows in zip(*(_accuracy(result) for result in results.values()), strict=True):
+        name, _, reckoned = rows[0]
+        table.add_row(name, *(estimated for _, estimated, _ in rows), reckoned)
+    return table
 
 
 def _accuracy(result: Result) -> Iterator[tuple[str, str, str]]:

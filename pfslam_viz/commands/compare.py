@@ -4,7 +4,10 @@ from time import perf_counter
 
 from pfslam_viz import console
 from pfslam_viz.commands.choices import ConfigChoice, DetailChoice, RecordingChoice, SinkChoice
+from pfslam_viz.commands.interrupt import stop_on_interrupt
+from pfslam_viz.commands.replay import keep_serving, kept_or_raise, read
 from pfslam_viz.errors import InputError
+from pfslam_viz.viewer.compare import compare
 
 
 def run(
@@ -22,20 +25,17 @@ def run(
     for choice in config_choices:
         choice.load()
     started = perf_counter()
-    with console.status(f"reading {chosen.name}", quiet):
-        recording = chosen.load()
+    recording = read(chosen, quiet)
     configs = [choice.load(recording.format) for choice in config_choices]
-    from pfslam_viz.viewer.compare import compare
-
     console.load_kernels(quiet)
-    runs = len(configs)
-    label = " | ".join(config.name for config in configs)
-    with sinks.open() as sink, console.ReplayProgress(len(recording) * runs, recording.duration * runs, quiet) as bar:
-        results = compare(recording, configs, sink, detail.options(), on_step=lambda *_: bar.advance())
-    if quiet:
-        return
-    out = console.results(to_stderr=sinks.stdout)
-    seconds = perf_counter() - started
-    out.print(f"{label}: {seconds:.1f} s in all", markup=False)
-    for result in results or ():
-        out.print(console.summary(result, seconds / runs))
+    scans, duration = len(recording) * len(configs), recording.duration * len(configs)
+    with sinks.open() as sink:
+        with console.ReplayProgress(scans, duration, quiet, "compare") as bar, stop_on_interrupt() as stopped:
+            results = compare(
+                recording, configs, sink, detail.options(), on_step=lambda *_: bar.advance(), stopped=stopped
+            )
+        seconds = perf_counter() - started
+        keep_serving(sinks, results[0])
+    if not quiet:
+        console.results(to_stderr=sinks.stdout).print(console.comparison(results, seconds, sinks.save))
+    kept_or_raise(results[0], [sinks.save])

@@ -3,6 +3,7 @@
 from pfslam_viz import console
 from pfslam_viz.commands.choices import ConfigChoice, RecordingChoice
 from pfslam_viz.commands.recordings import print_json
+from pfslam_viz.evaluation.evaluate import evaluate
 
 
 def run(
@@ -14,8 +15,6 @@ def run(
     with console.status(f"reading {chosen.name}", quiet):
         recording = chosen.load()
     configs = [choice.load(recording.format) for choice in config_choices]
-    from pfslam_viz.evaluation.evaluate import evaluate
-
     console.load_kernels(quiet)
     with console.ReplayProgress(len(recording), recording.duration, quiet, "evaluate") as bar:
         report = evaluate(recording, configs, range(seeds), on_progress=bar.show, paper=paper)

@@ -1,5 +1,6 @@
 """``pfslam-viz replay``: run the filter over a recording, and send every step to where the user wants it."""
 
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from time import perf_counter
@@ -36,31 +37,49 @@ def run(
         result, log_seconds = _replay(recording, config, stream, quiet)
         if stream is not None:
             stream.finish(result)
-        if sinks.serve and not result.interrupted:
-            console.tell("the run is complete and still served; Ctrl-C ends it")
-            seconds = perf_counter() - started
-            wait_for_interrupt()
-            started += perf_counter() - started - seconds  # waiting is not the run's time
+        seconds = perf_counter() - started
+        keep_serving(sinks, result)
     if export is not None and len(result.stamps):
         with console.status("writing the export", quiet):
             _export(result, export)
     if not quiet:
         left_out = stream.left_out if stream is not None else ()
-        shown = console.summary(result, perf_counter() - started, log_seconds, sinks.save, left_out)
+        shown = console.summary(result, seconds, log_seconds, sinks.save, left_out)
         console.results(to_stderr=sinks.stdout).print(shown)
-    if result.interrupted:
-        raise Interrupted(f"interrupted after scan {len(result.stamps)} of {len(recording)}{_kept(sinks, export)}")
+    kept_or_raise(result, [sinks.save, export])
 
 
-def load(chosen: RecordingChoice, config_choice: ConfigChoice, quiet: bool) -> tuple[Recording, Config]:
-    """The recording and the configuration; a mistake in the configuration shows before a long load."""
-    config_choice.load()
+def read(chosen: RecordingChoice, quiet: bool) -> Recording:
+    """The recording; what was wrong with its files is told."""
     with console.status(f"reading {chosen.name}", quiet):
         recording = chosen.load()
     if not quiet:
         for note in recording.notes:
             console.tell(f"note: {note}")
+    return recording
+
+
+def load(chosen: RecordingChoice, config_choice: ConfigChoice, quiet: bool) -> tuple[Recording, Config]:
+    """The recording and the configuration; a mistake in the configuration shows before a long load."""
+    config_choice.load()
+    recording = read(chosen, quiet)
     return recording, config_choice.load(recording.format)
+
+
+def keep_serving(sinks: SinkChoice, result: Result) -> None:
+    """Where viewers are served, wait for Ctrl-C after a whole run."""
+    if sinks.serve and not result.interrupted:
+        console.tell("the run is complete and still served; Ctrl-C ends it")
+        wait_for_interrupt()
+
+
+def kept_or_raise(result: Result, outputs: Sequence[Path | None]) -> None:
+    """Raise Interrupted for an interrupted run, with the ``outputs`` that hold what was done."""
+    if not result.interrupted:
+        return
+    kept = [str(path) for path in outputs if path is not None]
+    held = f"; {' and '.join(kept)} {'holds' if len(kept) == 1 else 'hold'} them" if kept else ""
+    raise Interrupted(f"interrupted after scan {len(result.stamps)} of {len(result.recording)}{held}")
 
 
 def open_stream(stack: ExitStack, recording: Recording, config: Config, sinks: SinkChoice, detail: DetailChoice) -> Any:
@@ -93,8 +112,3 @@ def _export(result: Result, folder: Path) -> None:
     from pfslam_viz.export import export
 
     export(result, folder, metrics(result))
-
-
-def _kept(sinks: SinkChoice, export: Path | None) -> str:
-    kept = [str(path) for path in (sinks.save, export) if path is not None]
-    return f"; {' and '.join(kept)} {'holds' if len(kept) == 1 else 'hold'} them" if kept else ""
