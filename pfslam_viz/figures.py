@@ -125,12 +125,12 @@ def write_figures(
         if on_step is not None:
             on_step(step)
     result = replay.result()
-    figures = [*_whole(result, collector.texture, out), *_over_time(result, collector.snapshots, out)]
-    page = write_page(out / "index.html", result, figures, camera=collector.texture is not None)
+    figures = [*_whole(result, out), *_over_time(result, collector.snapshots, out)]
+    page = write_page(out / "index.html", result, figures)
     return [*(figure.path for figure in figures), page]
 
 
-def _whole(result: Result, texture: "FloorTexture | None", out: Path) -> list[Figure]:
+def _whole(result: Result, out: Path) -> list[Figure]:
     """Figures 1 to 6: the whole drive."""
     name = result.recording.name
     drive = f"{len(result.stamps):,} scans, {result.stamps[-1] - result.stamps[0]:.0f} s"
@@ -152,8 +152,8 @@ def _whole(result: Result, texture: "FloorTexture | None", out: Path) -> list[Fi
     picture = draw_map(limits, layer, [*truth, filtered], f"{name}: particle filter", f"{settings}, {drive}")
     caption = f"Particle filter: trajectory and map. {settings}."
     figures.append(_save(out / "02_particle_filter.png", picture, "3, 4", caption))
-    if texture is not None:
-        floor = texture_layer(texture)
+    if result.texture is not None and result.texture.frames:
+        floor = texture_layer(result.texture)
         picture = draw_texture(limits, layer, floor, filtered, f"{name}: floor texture", f"{settings}, {drive}")
         figures.append(_save(out / "03_texture.png", picture, "5, 6", "Texture map: the floor as the camera saw it."))
     return figures
@@ -213,8 +213,8 @@ def draw_texture(limits: Limits, grid: Layer, texture: Layer, path: Path2D, titl
     flat = np.empty_like(grid.image)
     flat[:] = WALL_BY_TEXTURE
     occupied = np.where(grid.image.max(axis=2) < np.mean(UNKNOWN) / 2, grid.alpha, np.uint8(0))
-    plot.cells(flat, grid.cell, grid.upper_left, occupied)
     plot.cells(texture.image, texture.cell, texture.upper_left, texture.alpha)
+    plot.cells(flat, grid.cell, grid.upper_left, occupied)
     plot.line(path.poses[:, :2], path.color, 1.6, casing=True)
     plot.ring(path.poses[0], path.color)
     plot.robot(path.poses[-1], path.color)

@@ -44,11 +44,12 @@ class Figure:
     caption: str
 
 
-def write_page(path: Path, result: Result, figures: Sequence[Figure], camera: bool) -> Path:
+def write_page(path: Path, result: Result, figures: Sequence[Figure]) -> Path:
     """Write the page that shows ``figures``, which lie beside it, in the order given."""
     name = escape(result.recording.name)
     sections = "\n".join(_section(like, list(group)) for like, group in groupby(figures, lambda f: f.like))
-    without = "" if camera else "<p class='about'>This replay painted no floor, so there are no texture maps.</p>\n"
+    painted = any(figure.like == "5, 6" for figure in figures)
+    without = "" if painted else "<p class='about'>This replay painted no floor, so there are no texture maps.</p>\n"
     text = f"""<!DOCTYPE html>
 <html lang="en">
 <head>

@@ -167,8 +167,8 @@ class Plot:
         """Round positions on x and on y, and how many decimals they need."""
         step = nice_step(max(self.limits.width, self.limits.height) / 9)
         first_x, first_y = math.ceil(self.limits.left / step), math.ceil(self.limits.bottom / step)
-        x = np.arange(first_x, math.floor(self.limits.right / step) + 1) * step
-        y = np.arange(first_y, math.floor(self.limits.top / step) + 1) * step
+        x = step * np.arange(first_x, math.floor(self.limits.right / step) + 1, dtype=np.float64)
+        y = step * np.arange(first_y, math.floor(self.limits.top / step) + 1, dtype=np.float64)
         return x, y, max(0, -math.floor(math.log10(step)))
 
     def _grid_lines(self) -> None:

@@ -111,7 +111,7 @@ def test_page_shows_every_section_once(recording: Recording, tmp_path: Path) -> 
     figures = [
         Figure(tmp_path / f"{k}.png", like, f"<{k}>") for k, like in enumerate(["3, 4", "5, 6", "7 to 15", "7 to 15"])
     ]
-    page = write_page(tmp_path / "index.html", replay.result(), figures, camera=True).read_text(encoding="utf-8")
+    page = write_page(tmp_path / "index.html", replay.result(), figures).read_text(encoding="utf-8")
     assert re.findall(r"<h2>(.*?) <small>", page) == [
         "Particle filter",
         "Texture map",

@@ -15,7 +15,7 @@ def pixel(plot: Plot, image: np.ndarray, x: float, y: float) -> list[int]:
     return image[int(row), int(column)].tolist()
 
 
-@pytest.mark.parametrize("cell", [0.5, 0.02])  # larger and smaller than a pixel's share
+@pytest.mark.parametrize("cell", [0.5, 0.01])  # larger and smaller than a pixel's share
 def test_cells_lie_where_they_are(cell: float) -> None:
     plot = Plot(Limits(-10, 30, -5, 15))
     image = np.zeros((round(4 / cell), round(6 / cell), 3), np.uint8)

@@ -35,12 +35,11 @@ def evaluate(
     methods: list[Method] = []
     dead_reckoning: Method | None = None
     for config in wanted:
-        plain = config.model_copy(update={"texture": config.texture.model_copy(update={"enabled": False})})
-        for _ in Replay(recording.select(0, WARM_UP), plain):
+        for _ in Replay(recording.select(0, WARM_UP), config, texture=False):
             pass
         runs = []
         for seed in seeds:
-            replay = Replay(recording, plain.model_copy(update={"seed": seed}))
+            replay = Replay(recording, config.model_copy(update={"seed": seed}), texture=False)
             for _ in replay:
                 done += 1
                 if on_progress is not None:
@@ -49,7 +48,7 @@ def evaluate(
             runs.append(Run(seed, score(result)))
             if dead_reckoning is None:
                 dead_reckoning = Method("dead reckoning", None, (Run(None, score_dead_reckoning(result)),))
-        methods.append(Method(config.name, plain, tuple(runs)))
+        methods.append(Method(config.name, config, tuple(runs)))
     if dead_reckoning is not None:
         methods.insert(0, dead_reckoning)
     return Report(recording.name, recording.format, len(recording), recording.duration, tuple(methods))

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from platform import python_version
 from typing import Any
@@ -58,6 +59,7 @@ def metrics(result: Result) -> dict[str, Any]:
         "relations": {name: s["relations"] for name, s in scored.items() if "relations" in s} or None,
         "resamplings": result.resamplings,
         "uninformative": result.uninformative,
+        "frames": _frames(result),
         "speed": speed(result),
     }
     return finite(values)
@@ -96,6 +98,14 @@ def speed(result: Result) -> dict[str, Any]:
         "scans_per_second": scans / total if total > 0 else None,
         "times_real_time": recorded / total if total > 0 else None,
     }
+
+
+def _frames(result: Result) -> dict[str, int] | None:
+    """How many camera frames are in the floor texture, and how many are not, by reason; None without a texture."""
+    if result.texture is None:
+        return None
+    skipped = {} if result.skipped_frames is None else asdict(result.skipped_frames)
+    return {"painted": result.texture.frames, **skipped}
 
 
 def versions() -> dict[str, str]:

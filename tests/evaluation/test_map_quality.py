@@ -37,13 +37,13 @@ def grid_with(cells: list[tuple[int, int]], size: float = 0.1) -> OccupancyGrid:
 
 def test_wall_thickness_is_two_deviations_across() -> None:
     rng = np.random.default_rng(0)
-    along = rng.uniform(0, 40, 40_000)
-    across = rng.normal(0, 0.03, 40_000)
+    along = rng.uniform(0, 40, 8_000)
+    across = rng.normal(0, 0.03, 8_000)
     turned = geometry.transform([3, 1, 0.7], np.stack([along, across], axis=-1))
-    assert wall_thickness(turned) == pytest.approx(0.06, rel=0.03)
+    assert wall_thickness(turned) == pytest.approx(0.06, rel=0.06)
     # Seen twice, 0.1 m apart: a deviation of 0.05 across.
-    doubled = np.stack([along, np.where(rng.random(40_000) < 0.5, 0.0, 0.1)], axis=-1)
-    assert wall_thickness(doubled) == pytest.approx(0.1, rel=0.03)
+    doubled = np.stack([along, np.where(rng.random(8_000) < 0.5, 0.0, 0.1)], axis=-1)
+    assert wall_thickness(doubled) == pytest.approx(0.1, rel=0.06)
     assert wall_thickness(np.zeros((3, 2))) is None
     assert wall_thickness(np.arange(40.0).reshape(20, 2)) is None  # nobody has a neighbour
 

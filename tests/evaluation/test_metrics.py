@@ -82,6 +82,7 @@ def test_is_json_whatever_was_done(scans: int) -> None:
     m = json.loads(json.dumps(metrics(make_result(scans)), allow_nan=False))
     assert m["scans"] == scans
     assert m["interrupted"] == (scans < 5)
+    assert m["frames"] is None
     if scans == 0:
         assert m["truth"] is None and m["relations"] is None and m["end_to_start_gap_m"]["estimate"] is None
     if scans == 3:

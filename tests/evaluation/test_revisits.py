@@ -1,5 +1,6 @@
 """Revisits in a simulated room: a robot drives its round twice, and the second round's estimate is moved."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -60,6 +61,9 @@ def test_pairs_are_apart_in_time_and_close_in_space(drive: tuple[Recording, np.n
     i, j = pairs.T
     assert (recording.stamps[j] - recording.stamps[i] > 30).all()
     assert (np.hypot(*(truth[j] - truth[i])[:, :2].T) < 1).all()
+    quick = replace(recording, stamps=recording.stamps / 2)
+    i, j = revisits(quick, truth).T
+    assert len(i) and (quick.stamps[j] - quick.stamps[i] > 30).all()
     assert len(revisits(recording, truth[:55])) == 0  # not yet round
     assert revisit_error(recording, truth[:55]) is None
 
@@ -81,6 +85,16 @@ def test_finds_how_far_the_second_round_is_off(drive: tuple[Recording, np.ndarra
     assert error is not None and error.count >= 5
     assert error.translation == pytest.approx(np.hypot(*moved[:2]), abs=0.02)
     assert error.rotation == pytest.approx(np.degrees(moved[2]), abs=0.3)
+
+
+def test_match_is_exact_where_the_scans_are() -> None:
+    target = cast(np.zeros(3))[:, None] * np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=-1)
+    pose = np.array([0.133, -0.217, 0.047])
+    source = geometry.transform(geometry.inverse(pose), target)
+    start = np.array([-0.1, 0.05, -0.03])
+    move = match(target, source, start)
+    assert move is not None
+    assert move == pytest.approx(pose - start, abs=1e-4)
 
 
 def test_movement_along_a_bare_corridor_counts_as_none() -> None:
