@@ -1,40 +1,49 @@
-"""The layout: tabs Compare, Filter, Texture and 3-D, and the pages."""
+"""The layout: the tabs Compare, Filter, Texture, 3-D and About."""
 
 from collections.abc import Sequence
 
 import rerun.blueprint as rrb
+from rerun import Points3D, Radius
 
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.viewer import entities
 from pfslam_viz.viewer.entities import Entities
 from pfslam_viz.viewer.framing import Framing, overhead_size
+from pfslam_viz.viewer.style import FOLLOW_HEIGHT, LOUPE_HEIGHT
 
 LONGEST = 60.0  # s that a replay takes at most, however long the recording
 SPEED_UP = 2.0  # times real time, unless that takes longer
+MAPS_IN_A_ROW = 3
 
 BACKGROUND = (112, 137, 137)
 """What the viewer draws unknown cells in: a view looks the same inside and outside the map."""
+
+TRUTH = ["+ /world/truth/trajectory/**"]
+ROBOT = ("robot/shape", "robot/outline")
 
 
 def blueprint(recording: Recording, framing: Framing, runs: Sequence[str], live: bool = False) -> rrb.Blueprint:
     """The layout for one run, or for several that are compared side by side.
 
-    ``live`` follows the newest scan; otherwise the recording plays from its start.
+    ``live`` follows the newest scan; otherwise the recording plays from its start, a two-minute one in one minute.
     """
-    n = len(recording)
     seconds = min(max(recording.duration, 1.0) / SPEED_UP, LONGEST)
-    tabs = [_compare(runs, recording), *(_filter(run, len(runs) > 1) for run in runs)]
+    several = len(runs) > 1
+    tabs: list[rrb.Container | rrb.View] = [
+        _compare(runs, recording, framing),
+        *(_filter(run, several, recording) for run in runs),
+    ]
     if recording.frames is not None:
-        tabs += [_texture(run, len(runs) > 1) for run in runs]
-    tabs += [_three_d(runs, framing), _pages()]
+        tabs += [_texture(run, several, framing) for run in runs]
+    tabs += [_three_d(run, several, framing) for run in runs]
     return rrb.Blueprint(
-        rrb.Tabs(*tabs, active_tab=0),
+        rrb.Tabs(*tabs, _pages(), active_tab=0),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(
             state="collapsed",
             timeline="step",
-            fps=max(n / seconds, 1.0),
+            fps=max(len(recording) / seconds, 1.0),
             play_state="following" if live else "playing",
         ),
         auto_views=False,
@@ -42,115 +51,119 @@ def blueprint(recording: Recording, framing: Framing, runs: Sequence[str], live:
     )
 
 
-def _bounds(aspect: float | None = None) -> rrb.VisualBounds2D:
-    width, height = overhead_size() if aspect is None else overhead_size(aspect)
-    return rrb.VisualBounds2D(x_range=[0, width], y_range=[0, height])
-
-
-def _map_view(name: str, contents: list[str]) -> rrb.Spatial2DView:
+def _overhead(origin: str, aspect: float, name: str, contents: list[str], **more: object) -> rrb.Spatial2DView:
+    width, height = overhead_size(aspect)
     return rrb.Spatial2DView(
-        origin=f"/{Entities().overview_camera}",
+        origin=f"/{origin}",
         contents=contents,
         name=name,
         background=BACKGROUND,
-        visual_bounds=_bounds(),
+        visual_bounds=rrb.VisualBounds2D(x_range=[0, width], y_range=[0, height]),
+        **more,  # type: ignore[arg-type]
     )
 
 
-def _run_contents(run: str) -> list[str]:
-    path = Entities(run).filter
-    names = ("map", "scan/**", "particles", "trajectory/**", "hindsight", "closures", "robot/shape", "robot/outline")
-    return [f"+ /{path(name)}" for name in names]
+def _of_run(run: str, *names: str) -> list[str]:
+    return [f"+ /{Entities(run).filter(name)}" for name in names]
 
 
-TRUTH = ["+ /world/truth/trajectory/**"]
-
-
-def _compare(runs: Sequence[str], recording: Recording) -> rrb.Container:
-    dead_reckoning = [
-        f"+ /world/dead_reckoning/{name}"
-        for name in ("map", "scan", "trajectory/**", "robot/shape", "robot/outline")
-    ]
-    maps = [_map_view("Dead reckoning", dead_reckoning + TRUTH)]
+def _compare(runs: Sequence[str], recording: Recording, framing: Framing) -> rrb.Container:
+    names = ("map", "scan", "trajectory/**", *ROBOT)
+    reckoned = [f"+ /{entities.dead_reckoning(name)}" for name in names]
+    maps = [_overhead(entities.OVERVIEW, framing.aspect, "Dead reckoning: wheels and gyro alone", reckoned + TRUTH)]
+    drawn = ("map", "scan/**", "particles", "trajectory/**", "hindsight", "closures", *ROBOT)
     for run in runs:
-        title = "Particle filter" if len(runs) == 1 else run
-        maps.append(_map_view(title, _run_contents(run) + TRUTH))
-    plots = [_plot("drift", "Drift of dead reckoning from the filter (m)")]
+        title = "Particle filter" if len(runs) == 1 else f"Particle filter: {run}"
+        maps.append(_overhead(entities.OVERVIEW, framing.aspect, title, _of_run(run, *drawn) + TRUTH))
+    alone = len(runs) == 1
+    plots = [_plot(recording, "drift", "Dead reckoning from filter (m)", legend=not alone)]
     if recording.truth is not None:
-        plots.append(_plot("error", "Error against truth (m)"))
-    plots += [_plot("n_eff", "N_eff"), _plot("spread", "Spread of the particles (m)")]
-    return rrb.Vertical(rrb.Horizontal(*maps), rrb.Horizontal(*plots), row_shares=[7, 3], name="Compare")
+        plots.append(_plot(recording, "error", "Error against truth (m)"))
+    plots += [
+        _plot(recording, "n_eff", "N_eff: effective particles", legend=not alone),
+        _plot(recording, "spread", "Spread of the particles (m)", legend=not alone),
+    ]
+    row = rrb.Horizontal(*maps) if len(maps) <= MAPS_IN_A_ROW else rrb.Grid(*maps, grid_columns=2)
+    return rrb.Vertical(row, rrb.Horizontal(*plots), row_shares=[5, 2], name="Compare")
 
 
-def _plot(name: str, title: str, contents: list[str] | None = None) -> rrb.TimeSeriesView:
+def _plot(
+    recording: Recording, name: str, title: str, contents: list[str] | None = None, legend: bool = True
+) -> rrb.TimeSeriesView:
+    boundary = rrb.TimeRangeBoundary.absolute
+    whole = rrb.TimeRange(start=boundary(seq=0), end=boundary(seq=len(recording) - 1))
     return rrb.TimeSeriesView(
         origin=f"/plots/{name}",
         contents=contents or ["$origin/**"],
         name=title,
-        axis_x=rrb.TimeAxis(link="LinkToGlobal"),
-        axis_y=rrb.ScalarAxis(zoom_lock=False),
-        plot_legend=rrb.PlotLegend(corner="LeftTop"),
+        axis_x=rrb.TimeAxis(link="LinkToGlobal", view_range=whole),
+        plot_legend=rrb.PlotLegend(corner="LeftTop", visible=legend),
     )
 
 
-def _filter(run: str, several: bool) -> rrb.Container:
+def _filter(run: str, several: bool, recording: Recording) -> rrb.Container:
     path = Entities(run).filter
-    close = ("map", "scan/**", "trajectory/**", "particles", "lineages", "covariance", "mean", "degenerate",
-             "closures", "robot/outline")
-    loupe = ("map", "scan/**", "trajectory/**", "particles", "headings", "lineages", "covariance", "mean", "correction",
-             "degenerate")
-    views = [
-        rrb.Spatial2DView(
-            origin=f"/{path(f'follow/{camera}')}",
-            contents=[f"+ /{path(name)}" for name in names] + TRUTH,
-            name=title,
-            background=BACKGROUND,
-            visual_bounds=_bounds(1.0),
-        )
-        for camera, names, title in (
-            ("close_up", close, "Round the robot (9 m)"),
-            ("loupe", loupe, "The particles (1 m)"),
-        )
-    ]
+    both = ("map", "scan/**", "trajectory/**", "particles", "covariance", "mean", "degenerate")
+    close_up = _overhead(
+        path("follow/close_up"),
+        1.0,
+        f"Round the robot ({FOLLOW_HEIGHT:g} m)",
+        _of_run(run, *both, "closures", "robot/outline") + TRUTH,
+    )
+    loupe = _overhead(
+        path("follow/loupe"),
+        1.0,
+        f"The particles ({LOUPE_HEIGHT:g} m), coloured by weight",
+        _of_run(run, *both, "headings", "lineages", "correction") + TRUTH,
+        overrides={f"/{path('particles')}": Points3D.from_fields(radii=Radius.ui_points(3.0))},
+    )
     plots = [
-        _plot("correlation", "Scan on the map (share of end points)", [f"+ /plots/correlation/{run}", f"+ /plots/score/{run}"]),
-        _plot("lineages", "Surviving lineages", [f"+ /plots/lineages/{run}"]),
-        _plot("n_eff", "N_eff", [f"+ /plots/n_eff/{run}"]),
-        _plot("heading_drift", "Heading: dead reckoning from the filter (°)", [f"+ /plots/heading_drift/{run}"]),
+        _plot(
+            recording,
+            "correlation",
+            "End points on occupied cells",
+            [f"+ /{Entities(run).plot('correlation')}"],
+            legend=False,
+        ),
+        _plot(recording, "n_eff", "N_eff: effective particles", [f"+ /{Entities(run).plot('n_eff')}"], legend=False),
+        _plot(recording, "lineages", "Surviving lineages", [f"+ /{Entities(run).plot('lineages')}"], legend=False),
+        _plot(recording, "heading_drift", "Heading: dead reckoning from filter (°)", legend=False)
+        if not several
+        else _plot(
+            recording, "heading_drift", "Heading drift (°)", [f"+ /{Entities(run).plot('heading_drift')}"], legend=False
+        ),
     ]
     name = f"Filter: {run}" if several else "Filter"
-    return rrb.Vertical(rrb.Horizontal(*views), rrb.Horizontal(*plots), row_shares=[7, 3], name=name)
+    return rrb.Vertical(rrb.Horizontal(close_up, loupe), rrb.Horizontal(*plots), row_shares=[5, 2], name=name)
 
 
-def _texture(run: str, several: bool) -> rrb.Container:
+def _texture(run: str, several: bool, framing: Framing) -> rrb.Container:
     paths = Entities(run)
-    floor = [f"+ /{paths.filter(name)}" for name in ("map", "texture", "trajectory/**", "robot/shape", "robot/outline")]
+    floor = _of_run(run, "map", "texture", "trajectory/**", *ROBOT)
+    camera, disparity = f"/{paths.filter('robot/camera')}", f"/{paths.disparity_image}"
     images = rrb.Vertical(
-        rrb.Spatial2DView(origin=f"/{paths.filter('robot/camera')}", contents=["$origin"], name="Colour"),
-        rrb.Spatial2DView(origin=f"/{paths.disparity_image}", contents=["$origin"], name="Disparity"),
+        rrb.Spatial2DView(origin=camera, contents=["$origin"], name="Colour camera"),
+        rrb.Spatial2DView(origin=disparity, contents=["$origin"], name="Depth camera (bright is near)"),
     )
     name = f"Texture: {run}" if several else "Texture"
-    return rrb.Horizontal(_map_view("Floor", floor), images, column_shares=[2, 1], name=name)
+    view = _overhead(entities.OVERVIEW, framing.aspect, "Floor texture over the map", floor)
+    return rrb.Horizontal(view, images, column_shares=[5, 2], name=name)
 
 
-def _three_d(runs: Sequence[str], framing: Framing) -> rrb.Spatial3DView:
-    run = runs[-1]
-    path = Entities(run).filter
+def _three_d(run: str, several: bool, framing: Framing) -> rrb.Spatial3DView:
     x, y = framing.center
     reach = framing.height
-    names = ("map", "texture", "scan/**", "particles", "headings", "covariance", "trajectory/**", "hindsight", "robot/**",
-             "closures", "degenerate")
+    names = ("map", "walls", "texture", "scan/**", "particles", "trajectory/**", "hindsight", "robot/**", "closures")
+    reckoned = [f"+ /{entities.dead_reckoning(name)}" for name in ("trajectory/**", "robot/**")]
     return rrb.Spatial3DView(
         origin="/world",
-        contents=[f"+ /{path(name)}" for name in names]
-        + TRUTH
-        + ["+ /world/dead_reckoning/trajectory/**", "+ /world/dead_reckoning/robot/**"],
-        name="3-D" if len(runs) == 1 else f"3-D: {run}",
+        contents=_of_run(run, *names) + reckoned + TRUTH,
+        name=f"3-D: {run}" if several else "3-D",
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital,
-            position=[x - 0.15 * reach, y - 0.75 * reach, 0.75 * reach],
-            look_target=[x, y - 0.05 * reach, 0.0],
+            position=[x - 0.1 * reach, y - 0.65 * reach, 0.5 * reach],
+            look_target=[x, y - 0.06 * reach, 0.0],
             eye_up=[0.0, 0.0, 1.0],
         ),
     )
@@ -163,4 +176,3 @@ def _pages() -> rrb.Container:
         column_shares=[3, 2],
         name="About",
     )
-

@@ -1,5 +1,6 @@
 """Which piece of floor the views show, and the pinholes that look straight down on it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -32,6 +33,11 @@ class Framing:
     width: float
     height: float
 
+    @property
+    def aspect(self) -> float:
+        """Width by height."""
+        return self.width / self.height
+
     @classmethod
     def of_box(cls, low: Array, high: Array, aspect: float = ASPECT) -> "Framing":
         """The box with a margin, widened to the aspect (width by height)."""
@@ -41,7 +47,7 @@ class Framing:
         return cls((float(center[0]), float(center[1])), float(width), float(width / aspect))
 
     @classmethod
-    def of_recording(cls, recording: Recording) -> "Framing":
+    def of_recording(cls, recording: Recording, aspect: float = ASPECT) -> "Framing":
         """What can be known before the run: where the scans fall from dead reckoning."""
         poses = recording.dead_reckoning()
         lidar = recording.lidar
@@ -53,23 +59,27 @@ class Framing:
             beams = np.stack([np.cos(lidar.angles), np.sin(lidar.angles)], axis=-1)[valid] * ranges[valid, None]
             points.append(geometry.transform(poses[k], geometry.transform(lidar.pose, beams)))
         low, high = np.percentile(np.concatenate(points[1:]), OUTLIERS, axis=0)
-        return cls.of_box(np.minimum(low, poses[:, :2].min(axis=0)), np.maximum(high, poses[:, :2].max(axis=0)))
+        return cls.of_box(np.minimum(low, poses[:, :2].min(axis=0)), np.maximum(high, poses[:, :2].max(axis=0)), aspect)
 
     @classmethod
-    def of_results(cls, results: list[Result]) -> "Framing":
+    def of_results(cls, results: Sequence[Result], aspect: float = ASPECT) -> "Framing":
         """What the run found: the filter's walls, every trajectory, and dead reckoning as far as that is bearable."""
         boxes = [_walls(result.grid) for result in results]
         boxes += [_extent(poses) for r in results for poses in (r.online, r.estimate, r.truth) if poses is not None]
         low = np.min([box[0] for box in boxes if box is not None], axis=0)
         high = np.max([box[1] for box in boxes if box is not None], axis=0)
         reach = REACH * (high - low)
-        for result in results:
-            for box in (_extent(result.dead_reckoning), _walls(result.dead_reckoning_grid)):
-                if box is not None:
-                    low = np.minimum(low, np.maximum(box[0], low - reach))
-                    high = np.maximum(high, np.minimum(box[1], high + reach))
-            reach = 0 * reach
-        return cls.of_box(low, high)
+        lowest, highest = low - reach, high + reach
+        for box in (_extent(results[0].dead_reckoning), _walls(results[0].dead_reckoning_grid)):
+            if box is not None:
+                low = np.minimum(low, np.maximum(box[0], lowest))
+                high = np.maximum(high, np.minimum(box[1], highest))
+        return cls.of_box(low, high, aspect)
+
+
+def aspect_of(panels: int) -> float:
+    """Width by height of each of so many views beside each other in a window."""
+    return ASPECT if panels <= 2 else 2 * ASPECT / panels
 
 
 def _extent(poses: Array) -> tuple[Array, Array] | None:
@@ -93,16 +103,16 @@ def overhead_size(aspect: float = ASPECT) -> tuple[int, int]:
 
 
 def overhead_camera(
-    center: tuple[float, float], height_on_floor: float, aspect: float = ASPECT
+    center: tuple[float, float], height_on_floor: float, aspect: float = ASPECT, above: float = 50.0
 ) -> tuple["rr.Transform3D", "rr.Pinhole"]:
     """A pinhole over ``center`` that sees ``height_on_floor`` m of z = 0 from top to bottom, y up, x to the right.
 
+    It hangs ``above`` m over the floor: high enough to look straight down, low enough for the viewer's arithmetic.
     A Spatial2DView whose origin it is shows the scene as a map that pans and zooms only.
     """
     import rerun as rr
 
     width, height = overhead_size(aspect)
-    above = 50.0
     down = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]
     return (
         rr.Transform3D(translation=[*center, above], mat3x3=down),

@@ -8,12 +8,15 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
-from pfslam_viz.viewer.entities import MAP_Z
+from pfslam_viz.viewer.entities import MAP_Z, TEXTURE_Z
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from pfslam_viz.texture import FloorTexture
+
 UNKNOWN = 255  # as in ROS: 0 is free, 100 occupied
+WALL_HEIGHT = 0.6  # m: low enough to look over
 _STEPS = 12.0  # levels of the table below per unit of log-odds
 _TABLE = np.round(100.0 / (1.0 + np.exp(-(np.arange(256) - 128) / _STEPS))).astype(np.uint8)
 
@@ -50,12 +53,11 @@ class FrameBudget:
         self._next = step + max(-(-rest // left), 1)
 
 
-def known_box(grid: OccupancyGrid) -> tuple[slice, slice]:
-    """Rows and columns that hold everything known; one cell where nothing is."""
-    known = grid.log_odds != 0
-    rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+def _box(mask: NDArray[np.bool_]) -> tuple[slice, slice]:
+    """Rows and columns that hold everything in the mask; one cell where nothing is."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not len(rows):
-        return slice(*(grid.origin[0], grid.origin[0] + 1)), slice(grid.origin[1], grid.origin[1] + 1)
+        return slice(0, 1), slice(0, 1)
     return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
 
 
@@ -69,28 +71,59 @@ def occupancy(log_odds: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 def grid_map(grid: OccupancyGrid) -> tuple[Any, int]:
     """The known part of the grid as a GridMap, and its size in bytes. Row 0 is the top in both."""
-    rows, columns = known_box(grid)
+    rows, columns = _box(grid.log_odds != 0)
     cells = occupancy(grid.log_odds[rows, columns])
-    height, width = cells.shape
-    x, y = grid.lower_left
-    corner = (x + columns.start * grid.cell, y + (grid.shape[0] - rows.stop) * grid.cell, MAP_Z)
-    archetype = rr.GridMap(
-        data=cells.tobytes(),
-        format=rr.components.ImageFormat(width=width, height=height, color_model="L", channel_datatype="U8"),
-        cell_size=grid.cell,
+    return _grid_map(cells, grid.cell, grid.lower_left, grid.shape, rows, columns, MAP_Z), cells.size
+
+
+def _grid_map(
+    cells: NDArray[np.uint8],
+    cell: float,
+    lower_left: tuple[float, float],
+    shape: tuple[int, int],
+    rows: slice,
+    columns: slice,
+    z: float,
+) -> Any:
+    """``cells``, cut at ``rows`` and ``columns`` from a grid of ``shape``, as a GridMap in its place."""
+    height, width = cells.shape[:2]
+    gray = cells.ndim == 2
+    corner = (lower_left[0] + columns.start * cell, lower_left[1] + (shape[0] - rows.stop) * cell, z)
+    return rr.GridMap(
+        data=np.ascontiguousarray(cells).reshape(-1),
+        format=rr.components.ImageFormat(
+            width=width, height=height, color_model="L" if gray else "RGBA", channel_datatype="U8"
+        ),
+        cell_size=cell,
         translation=corner,
-        colormap=rr.components.Colormap.RvizMap,
+        colormap=rr.components.Colormap.RvizMap if gray else None,
     )
-    return archetype, cells.size
 
 
-def jpeg(image: NDArray[np.uint8], quality: int = 85) -> bytes:
-    """An RGB or grey image (rows, columns[, 3]) as JPEG."""
-    import cv2
+def texture_map(texture: "FloorTexture") -> tuple[Any, int]:
+    """The painted part of the floor texture as a GridMap, transparent elsewhere, and its size in bytes."""
+    painted = texture.weight > 0
+    rows, columns = _box(painted)
+    colors = np.zeros((*painted[rows, columns].shape, 4), np.uint8)
+    colors[..., :3] = texture.color[rows, columns]
+    colors[..., 3] = painted[rows, columns] * np.uint8(255)
+    return _grid_map(colors, texture.cell, texture.lower_left, texture.shape, rows, columns, TEXTURE_Z), colors.size
 
-    if image.ndim == 3:
-        image = cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
-    return bytes(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1])
+
+def walls(grid: OccupancyGrid) -> Any:
+    """The occupied cells as boxes, one for each run of them in a row, centred (z too) on :data:`WALL_HEIGHT` / 2."""
+    occupied = np.pad(grid.occupied > 0, ((0, 0), (1, 1)))
+    change = np.diff(occupied.astype(np.int8), axis=1)
+    rows, first = np.nonzero(change == 1)
+    _, last = np.nonzero(change == -1)  # both in row order, so they pair up
+    left = grid.centers(np.stack([rows, first], axis=-1))
+    half = np.full((len(rows), 3), grid.cell / 2, np.float32)
+    half[:, 0] *= last - first
+    half[:, 2] = WALL_HEIGHT / 2
+    centers = np.full((len(rows), 3), WALL_HEIGHT / 2, np.float32)
+    centers[:, 0] = left[:, 0] - grid.cell / 2 + half[:, 0]
+    centers[:, 1] = left[:, 1]
+    return rr.Boxes3D(centers=centers, half_sizes=half)
 
 
 def encoded(contents: bytes) -> Any:

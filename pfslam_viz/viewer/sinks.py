@@ -87,10 +87,10 @@ class Sink:
         """Call ``action`` before the destinations are closed, whatever ends the run."""
         self._closers.append(action)
 
-    def log(self, path: str, entity: Any, *more: Any, static: bool = False) -> None:
+    def log(self, path: str, *archetypes: Any, static: bool = False) -> None:
         """Log archetypes at the time that :meth:`set_time` set, or static."""
         for d in self._destinations:
-            d.stream.log(path, entity, *more, static=static)
+            d.stream.log(path, *archetypes, static=static)
 
     def set_time(self, step: int, seconds: float) -> None:
         """The time of what :meth:`log` sends next, on both timelines."""

@@ -101,7 +101,7 @@ class Corridor:
             recording=self.recording,
             config=self.config,
             stamps=self.recording.stamps[:n],
-            estimate=online + [0.02, 0.0, 0.0] if self.rich else online,
+            estimate=online + np.array([0.02, 0.0, 0.0]) if self.rich else online,
             online=online,
             dead_reckoning=np.array([s.dead_reckoning for s in steps]),
             truth=np.array([s.truth for s in steps]),
@@ -111,6 +111,8 @@ class Corridor:
             resamplings=n,
             uninformative=0,
             interrupted=interrupted,
+            texture=None,
+            skipped_frames=None,
         )
 
 
@@ -120,7 +122,7 @@ def _corridor(folder: Path, rich: bool) -> Corridor:
     truth = np.stack([s, 0.3 * np.sin(s), 0.3 * np.cos(s) - 0.3], axis=-1)
     truth[:, 2] -= truth[0, 2]
     odometry = np.zeros((SCANS, 3))
-    odometry[1:] = geometry.between(truth[:-1], truth[1:]) + [0.0, 0.0, 0.004]  # a gyro's bias
+    odometry[1:] = geometry.between(truth[:-1], truth[1:]) + np.array([0.0, 0.0, 0.004])  # a gyro's bias
     angles = np.linspace(-2.3, 2.3, BEAMS)
     ranges = np.array([_ranges(pose, angles) for pose in truth], np.float32)
     frames = None

@@ -1,0 +1,90 @@
+"""``rerun-importer-pfslam``: with it on PATH, ``rerun Hokuyo21.npz`` opens the replay in the viewer.
+
+The viewer starts every ``rerun-importer-*`` it finds for every file it is asked to open, a folder's files too. So a
+path that is not ours is refused before anything heavy is imported.
+"""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+NOT_OURS = 66
+"""The exit status by which an importer says that a path is for somebody else."""
+
+LOG_SUFFIXES = (".log", ".clf", ".gfs")
+PACKED_SUFFIXES = (".gz", ".bz2")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Replay the recording at the path given by the viewer to standard output.
+
+    Returns the exit status: 0 done, 66 not ours, and as the command line has it for failures (one line on stderr).
+    """
+    import argparse
+
+    parser = argparse.ArgumentParser(
+        prog="rerun-importer-pfslam",
+        description="Lets Rerun open recordings of pfslam-viz: a set's Hokuyo file or folder, or a CARMEN log."
+        " Writes a Rerun recording to standard output; the viewer calls it.",
+    )
+    parser.add_argument("path", type=Path, help="the file or folder that the viewer was asked to open")
+    parser.add_argument("--application-id", help="what the viewer would call the application")
+    parser.add_argument("--recording-id", help="the recording that the viewer made for this path")
+    parser.add_argument("--config", help="name or path of a configuration; the recording's own by default")
+    given, _ = parser.parse_known_args(arguments)  # viewers pass more, and newer ones may pass more still
+    if not may_be_ours(given.path) or _opened_as_folder(given.path, given.application_id):
+        return NOT_OURS
+    from pfslam_viz.errors import PfslamError
+    from pfslam_viz.recordings.catalog import is_recording
+
+    if not is_recording(given.path):
+        return NOT_OURS
+    try:
+        _replay(given.path, given.application_id, given.recording_id, given.config)
+    except PfslamError as error:
+        print(f"rerun-importer-pfslam: {error}", file=sys.stderr)
+        return error.exit_status
+    except KeyboardInterrupt:
+        return 130
+    return 0
+
+
+def may_be_ours(path: Path) -> bool:
+    """Whether the name alone, or a look at what a folder holds, speaks for it. Imports nothing."""
+    if path.is_dir():
+        return any(next(folder.glob("Hokuyo*.npz"), None) is not None for folder in (path, path / "data"))
+    suffixes = [suffix.lower() for suffix in path.suffixes]
+    if suffixes and suffixes[-1] in PACKED_SUFFIXES:
+        suffixes.pop()
+    suffix = suffixes[-1] if suffixes else ""
+    return suffix in LOG_SUFFIXES or (suffix == ".npz" and path.name.startswith("Hokuyo"))
+
+
+def _opened_as_folder(path: Path, application: str | None) -> bool:
+    """Whether the viewer is opening a folder of ours, which it hands over whole, and comes to a file in it."""
+    if path.is_dir() or application is None or application == path.name.split(".")[0]:
+        return False
+    above = [folder for folder in path.resolve().parents[:3] if folder.name == application]
+    return any(may_be_ours(folder) for folder in above)
+
+
+def _replay(path: Path, application: str | None, recording_id: str | None, config_name: str | None) -> None:
+    from pfslam_viz.commands.choices import default_config_name
+    from pfslam_viz.config import load_config
+    from pfslam_viz.recordings.catalog import load_recording
+    from pfslam_viz.replay import Replay
+    from pfslam_viz.viewer.sinks import APPLICATION_ID, open_sinks
+    from pfslam_viz.viewer.stream import ReplayStream
+
+    recording = load_recording(path)
+    config = load_config(config_name or default_config_name(recording.format))
+    with open_sinks(stdout=True, application_id=application or APPLICATION_ID, recording_id=recording_id) as sink:
+        stream = ReplayStream(recording, config, sink)
+        replay = Replay(recording, config)
+        for step in replay:
+            stream.log(step)
+        stream.finish(replay.result())
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,118 @@
+"""What is logged once: colours, widths, the robot's shape, the cameras that look down."""
+
+from typing import Any
+
+import numpy as np
+import rerun as rr
+
+from pfslam_viz.recordings.recording import Frames, Recording
+from pfslam_viz.viewer import entities
+from pfslam_viz.viewer.entities import Color, Entities
+from pfslam_viz.viewer.framing import Framing, overhead_camera
+from pfslam_viz.viewer.sinks import Sink
+
+FOLLOW_HEIGHT = 9.0  # m of floor that the close-up shows
+LOUPE_HEIGHT = 1.0  # m of floor that the particles' own view shows
+IMAGE_SCALE = 2  # camera images are reduced by this
+
+ROBOT_OUTLINE = np.array([[0.55, 0, 0], [-0.3, 0.3, 0], [-0.15, 0, 0], [-0.3, -0.3, 0]])
+"""m: an arrow head along x, about as large as the robot."""
+
+CURVES = ("drift", "heading_drift", "error", "n_eff", "spread", "correlation", "score", "correction", "lineages")
+
+
+def style_run(sink: Sink, paths: Entities, color: Color, frames: Frames | None) -> None:
+    """Style what one run draws."""
+    path, ui = paths.filter, rr.Radius.ui_points
+    _static(sink, path("particles"), rr.Points3D.from_fields(radii=ui(2.0)))
+    wall = rr.Boxes3D.from_fields(colors=entities.WALL, fill_mode=rr.components.FillMode.Solid)
+    _static(sink, path("walls"), wall)
+    _static(sink, path("headings"), rr.Arrows3D.from_fields(radii=ui(0.75)))
+    _static(sink, path("scan/hit"), rr.Points3D.from_fields(colors=entities.HIT, radii=ui(1.75)))
+    _static(sink, path("scan/miss"), rr.Points3D.from_fields(colors=entities.MISS, radii=ui(1.75)))
+    _static(sink, path("correction"), rr.Arrows3D.from_fields(colors=entities.MISS, radii=ui(1.5)))
+    for name, line, width in (
+        ("degenerate", entities.MISS, 1.5),
+        ("lineages", entities.LINEAGE, 0.5),
+        ("history", entities.HINDSIGHT, 1.0),
+        ("closures", entities.HINDSIGHT, 1.5),
+        ("hindsight", entities.HINDSIGHT, 1.5),
+    ):
+        _static(sink, path(name), rr.LineStrips3D.from_fields(colors=line, radii=ui(width)))
+    _style_trail(sink, path("trajectory"), color)
+    _style_robot(sink, path("robot"), color)
+    cross = [[[-0.1, 0, 0], [0.1, 0, 0]], [[0, -0.1, 0], [0, 0.1, 0]]]
+    _static(sink, path("mean"), rr.LineStrips3D(cross, colors=color, radii=ui(1.0)))
+    angle = np.linspace(0.0, 2 * np.pi, 65)
+    circle = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=-1)
+    _static(sink, path("covariance"), rr.LineStrips3D([circle], colors=color, radii=ui(1.0)))
+    for name, height in (("close_up", FOLLOW_HEIGHT), ("loupe", LOUPE_HEIGHT)):
+        _static(sink, path(f"follow/{name}"), *overhead_camera((0.0, 0.0), height, aspect=1.0, above=20.0))
+    if frames is not None:
+        _style_camera(sink, path("robot/camera"), frames, color)
+    for plot in CURVES:
+        _style_curve(sink, paths.plot(plot), color, paths.run)
+
+
+def style_shared(sink: Sink, recording: Recording) -> None:
+    """Style what all runs share: dead reckoning and truth."""
+    root, color = "world/dead_reckoning", entities.DEAD_RECKONING
+    scan = rr.Points3D.from_fields(colors=color, radii=rr.Radius.ui_points(1.75))
+    _static(sink, f"{root}/scan", scan)
+    _style_trail(sink, f"{root}/trajectory", color)
+    _style_robot(sink, f"{root}/robot", color)
+    _style_curve(sink, "plots/error/dead_reckoning", color, "dead reckoning")
+    if recording.truth is not None:
+        _style_trail(sink, "world/truth/trajectory", entities.TRUTH)
+        _style_robot(sink, "world/truth/robot", entities.TRUTH)
+
+
+def log_framing(sink: Sink, framing: Framing) -> None:
+    """Point the overview's camera at a piece of floor."""
+    _static(sink, entities.OVERVIEW, *overhead_camera(framing.center, framing.height, framing.aspect))
+
+
+def log_page(sink: Sink, path: str, text: str) -> None:
+    """A markdown page."""
+    _static(sink, path, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
+
+
+def _static(sink: Sink, path: str, *archetypes: Any) -> None:
+    sink.log(path, *archetypes, static=True)
+
+
+def _style_trail(sink: Sink, path: str, color: Color) -> None:
+    for part in ("done", "open"):
+        line = rr.LineStrips3D.from_fields(colors=color, radii=rr.Radius.ui_points(1.5))
+        _static(sink, f"{path}/{part}", line)
+
+
+def _style_robot(sink: Sink, path: str, color: Color) -> None:
+    shape = rr.Mesh3D(
+        vertex_positions=ROBOT_OUTLINE,
+        triangle_indices=[[0, 1, 2], [0, 2, 3]],
+        vertex_normals=np.tile([0.0, 0.0, 1.0], (4, 1)),
+        vertex_colors=np.tile([*color, 255], (4, 1)),
+    )
+    _static(sink, f"{path}/shape", shape)
+    outline = np.vstack([ROBOT_OUTLINE, ROBOT_OUTLINE[:1]])
+    _static(sink, f"{path}/outline", rr.LineStrips3D([outline], colors=color, radii=rr.Radius.ui_points(1.5)))
+
+
+def _style_curve(sink: Sink, path: str, color: Color, name: str) -> None:
+    _static(sink, path, rr.SeriesLines(colors=color, widths=1.5, names=name.replace("_", " ")))
+
+
+def _style_camera(sink: Sink, path: str, frames: Frames, color: Color) -> None:
+    camera = frames.camera
+    pose, k = camera.robot_from_optical(), camera.intrinsics
+    pinhole = rr.Pinhole(
+        focal_length=[k.fx / IMAGE_SCALE, k.fy / IMAGE_SCALE],
+        principal_point=[k.cx / IMAGE_SCALE, k.cy / IMAGE_SCALE],
+        width=k.width // IMAGE_SCALE,
+        height=k.height // IMAGE_SCALE,
+        camera_xyz=rr.ViewCoordinates.RDF,
+        image_plane_distance=0.8,
+        color=color,
+    )
+    _static(sink, path, rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]), pinhole)

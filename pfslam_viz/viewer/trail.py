@@ -1,0 +1,38 @@
+"""A growing trajectory in two entities, so that a file stays small and a seek fast.
+
+``done`` holds the whole trajectory every √n scans; ``open`` holds, at every scan, the stretch since then. Together they
+are exactly the points up to a scan, the point between them in both.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Points = NDArray[np.float32]
+
+
+class Trail:
+    """The trajectory of one thing over ``scans`` scans."""
+
+    def __init__(self, scans: int) -> None:
+        self._points = np.empty((scans, 2), np.float32)
+        self._count = 0
+        self.every = max(int(np.sqrt(scans)), 2)
+
+    def extend(self, poses: Sequence[NDArray[np.float64]]) -> tuple[list[tuple[int, Points]], list[Points]]:
+        """Append poses (x, y first).
+
+        Returns the ``done`` strips with the row (index into ``poses``) each belongs to, and an ``open`` strip a row.
+        """
+        first = self._count
+        self._count += len(poses)
+        self._points[first : self._count] = [pose[:2] for pose in poses]
+        done, strips = [], []
+        for row in range(len(poses)):
+            k = first + row
+            start = k - k % self.every
+            if start == k:
+                done.append((row, self._points[: k + 1]))
+            strips.append(self._points[start : k + 1])
+        return done, strips
