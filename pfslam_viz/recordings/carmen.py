@@ -76,8 +76,13 @@ def load(path: Path, name: str | None = None) -> Recording:
     if messages.unreadable:
         notes.append(f"{messages.unreadable} lines could not be read and are left out")
     scans = _choose(messages, path, notes)
-    kept = order(scans.stamps, "lidar", notes)
-    scans = scans.take(kept)
+    logged = geometry.path_length(scans.robot)
+    scans = scans.take(order(scans.stamps, "lidar", notes))
+    if (in_order := geometry.path_length(scans.robot)) > 1.05 * logged:
+        notes.append(
+            f"odometry: its path is {logged:.0f} m in the order of the lines and {in_order:.0f} m by time stamp; the"
+            " stamps are rougher than the lines' order"
+        )
     if len(scans.stamps) == 0:
         raise InputError(f"{path}: no scan has a valid time stamp")
     scans = _without_repeats(scans, notes)

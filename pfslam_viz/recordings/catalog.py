@@ -12,6 +12,7 @@ from pfslam_viz.recordings.sources import SOURCES
 
 DEMO = "demo"
 ENVIRONMENT = "PFSLAM_RECORDINGS"
+_DAMAGED = "?"
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,8 +28,8 @@ class Place:
 class Entry:
     """One line of the ``recordings`` command.
 
-    ``status`` is ``here``, ``incomplete``, ``can be fetched`` or ``made on first use``; ``path`` is where it lies and
-    ``size`` that of the download, if any.
+    ``status`` is ``here``, ``can be fetched``, ``made on first use``, or says what is wrong with it; ``path`` is where
+    it lies and ``size`` that of the download, if any.
     """
 
     name: str
@@ -229,6 +230,8 @@ def _entry(place: Place) -> Entry:
     status = f"incomplete: lacks {', '.join(missing)}" if missing else "here"
     size = source.size if source and missing else ""
     length = _length(place.path / f"Hokuyo{place.number}.npz") if "Hokuyo" in kinds else ""
+    if length == _DAMAGED:
+        status = f"Hokuyo{place.number}.npz is damaged"
     return Entry(place.name, "ece276a", length, sensors, status, size, place.path)
 
 
@@ -236,7 +239,7 @@ def _length(path: Path) -> str:
     try:
         stamps = npz.vector(npz.read_arrays(path, ["time_stamps"]), "time_stamps", path)
     except InputError:
-        return "damaged"
+        return _DAMAGED
     return f"{stamps.max() - stamps.min():,.0f} s, {len(stamps):,} scans" if len(stamps) else "empty"
 
 

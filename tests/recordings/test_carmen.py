@@ -122,9 +122,18 @@ def test_scans_are_sorted_and_their_odometry_with_them(tmp_path: Path) -> None:
     lines = [flaser(np.full(180, t + 1.0), (t, 0, 0), t) for t in (0.0, 2.0, 1.0, 3.0)]
     recording = carmen.load(write(tmp_path / "x.log", *lines))
     assert recording.stamps.tolist() == [0, 1, 2, 3]
+    assert len(recording.notes) == 1
     assert recording.ranges[:, 0].tolist() == [1, 2, 3, 4]
     np.testing.assert_allclose(recording.odometry[:, 0], [0, 1, 1, 1])
     assert any("backwards 1 times" in note for note in recording.notes)
+
+
+def test_stamps_that_scramble_the_odometry_are_noted(tmp_path: Path) -> None:
+    # The robot went 0, 1, 2, 3 m; by its stamps it went 0, 2, 1, 3 m: five metres.
+    lines = [flaser([1.0] * 180, (x, 0, 0), t) for x, t in ((0, 0.0), (1, 2.0), (2, 1.0), (3, 3.0))]
+    recording = carmen.load(write(tmp_path / "x.log", *lines))
+    np.testing.assert_allclose(recording.odometry[:, 0], [0, 2, -1, 2])
+    assert any("3 m in the order of the lines and 5 m by time stamp" in note for note in recording.notes)
 
 
 def test_repeated_stamps(tmp_path: Path) -> None:

@@ -170,6 +170,11 @@ def test_list(write_set: WriteSet, tmp_path: Path) -> None:
     assert len(entries) == len(list_recordings(top)) == 9 + 3
 
 
+def test_list_with_a_damaged_file(write_set: WriteSet, tmp_path: Path) -> None:
+    (write_set(tmp_path / "mine") / "Hokuyo7.npz").write_bytes(b"PK")
+    assert list_recordings(tmp_path)[-1].status == "Hokuyo7.npz is damaged"
+
+
 def test_list_of_a_folder_that_is_not_there_yet() -> None:
     assert all(entry.path is None for entry in list_recordings() if entry.status == "can be fetched")
 
