@@ -96,7 +96,7 @@ def _plot(
         origin=f"/plots/{name}",
         contents=contents or ["$origin/**"],
         name=title,
-        axis_x=rrb.TimeAxis(link="LinkToGlobal", view_range=whole),
+        axis_x=rrb.TimeAxis(link="Independent", view_range=whole),
         plot_legend=rrb.PlotLegend(corner="LeftTop", visible=legend),
     )
 
@@ -159,11 +159,12 @@ def _three_d(run: str, several: bool, framing: Framing) -> rrb.Spatial3DView:
         origin="/world",
         contents=_of_run(run, *names) + reckoned + TRUTH,
         name=f"3-D: {run}" if several else "3-D",
+        background=BACKGROUND,
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital,
-            position=[x - 0.1 * reach, y - 0.65 * reach, 0.5 * reach],
-            look_target=[x, y - 0.06 * reach, 0.0],
+            position=[x - 0.1 * reach, y - 0.75 * reach, 0.6 * reach],
+            look_target=[x, y - 0.13 * reach, 0.0],
             eye_up=[0.0, 0.0, 1.0],
         ),
     )

@@ -97,6 +97,7 @@ def _grid_map(
         cell_size=cell,
         translation=corner,
         colormap=rr.components.Colormap.RvizMap if gray else None,
+        opacity=None if gray else 0.999,
     )
 
 

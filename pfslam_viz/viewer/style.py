@@ -47,7 +47,7 @@ def style_run(sink: Sink, paths: Entities, color: Color, frames: Frames | None) 
     circle = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=-1)
     _static(sink, path("covariance"), rr.LineStrips3D([circle], colors=color, radii=ui(1.0)))
     for name, height in (("close_up", FOLLOW_HEIGHT), ("loupe", LOUPE_HEIGHT)):
-        _static(sink, path(f"follow/{name}"), *overhead_camera((0.0, 0.0), height, aspect=1.0, above=20.0))
+        _static(sink, path(f"follow/{name}"), *overhead_camera((0.0, 0.0), height, aspect=1.0, above=5.0))
     if frames is not None:
         _style_camera(sink, path("robot/camera"), frames, color)
     for plot in CURVES:
