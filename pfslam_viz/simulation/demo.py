@@ -5,16 +5,17 @@ from pathlib import Path
 from pfslam_viz.simulation.recording import VERSION, manifest_of, simulate
 
 NAME = "demo"
-BUILDING, SEED = "office", 2
+BUILDING, SEED = "office", 9
 
 
 def ensure_demo(folder: Path) -> Path:
-    """The demo recording's folder, ``folder/demo``, made if it is missing or an older generator's.
+    """The demo recording's folder, ``folder/demo``, made if it is missing or another version's.
 
     It appears complete or not at all. Raises InputError if it cannot be written, or if other files are in its place.
     """
     out = folder / NAME
-    manifest = manifest_of(out)
-    if manifest is None or manifest.get("generator") != VERSION:
+    wanted = {"generator": VERSION, "building": BUILDING, "seed": SEED}
+    manifest = manifest_of(out) or {}
+    if any(manifest.get(key) != value for key, value in wanted.items()):
         simulate(out, seed=SEED, building=BUILDING)
     return out

@@ -65,8 +65,9 @@ def simulate(
         ``out``.
 
     Raises:
-        InputError: for a building that does not exist, a duration that is too short, or a folder with other files.
+        InputError: for a building that does not exist, a number out of range, or a folder with other files.
     """
+    _check_options(seed=seed, wheel_scale=wheel_scale, slip=slip, gyro_bias=gyro_bias or 0.0)
     _check_replaceable(out)
     errors = SensorErrors(wheel_scale=wheel_scale, slip=slip, gyro_bias=gyro_bias)
     plan_rng, drive_rng, wheel_rng, imu_rng, lidar_rng, camera_rng = (
@@ -125,6 +126,17 @@ def _save(path: Path, **arrays: Any) -> None:
     # NumPy stamps every member of the archive 1980-01-01, so the bytes depend on the arrays alone.
     values: dict[str, Any] = {key: np.asarray(value) for key, value in arrays.items()}
     np.savez_compressed(path, **values)
+
+
+def _check_options(seed: int, wheel_scale: float, slip: float, gyro_bias: float) -> None:
+    for name, value, low, high in (
+        ("seed", seed, 0, 2**63),
+        ("wheel_scale", wheel_scale, 0.1, 10.0),
+        ("slip", slip, 0.0, 0.5),
+        ("gyro_bias", gyro_bias, -1.0, 1.0),
+    ):
+        if not low <= value <= high:
+            raise InputError(f"{name} must be from {low} to {high}, not {value}")
 
 
 def _check_replaceable(out: Path) -> None:

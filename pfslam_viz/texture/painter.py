@@ -1,5 +1,6 @@
 """Feeds the floor texture: pairs colour and disparity frames, finds the pose at which they were taken, reads them."""
 
+import zlib
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -16,7 +17,7 @@ Images = tuple[NDArray[np.uint16], NDArray[np.uint8]]
 
 FARTHEST_APART = 0.2  # s between the two frames of a pair; a robot that turns has looked elsewhere by then
 AHEAD = 4  # pairs that are read in advance
-PNG_START, PNG_END = b"\x89PNG\r\n\x1a\n", b"IEND\xaeB`\x82"
+PNG_START = b"\x89PNG\r\n\x1a\n"
 
 
 @dataclass(slots=True)
@@ -171,10 +172,27 @@ def _read(path: Path | None) -> NDArray[np.generic]:
         raise _UnusableFrame("missing") from None
     except OSError:
         raise _UnusableFrame("unreadable") from None
-    # The decoder fills what is missing of a file that was cut off with black, so ask for its end.
-    if not data.startswith(PNG_START) or not data.rstrip(b"\0").endswith(PNG_END):
+    if not _is_whole_png(data):
         raise _UnusableFrame("unreadable")
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None:
         raise _UnusableFrame("unreadable")
     return np.asarray(image)
+
+
+def _is_whole_png(data: bytes) -> bool:
+    """Whether every chunk is there, up to the last, with the checksum it should have.
+
+    Asked before decoding, because the decoder grumbles on the terminal and fills what is missing with black.
+    """
+    at = len(PNG_START)
+    if not data.startswith(PNG_START):
+        return False
+    while at + 12 <= len(data):
+        end = at + 12 + int.from_bytes(data[at : at + 4], "big")
+        if end > len(data) or zlib.crc32(data[at + 4 : end - 4]) != int.from_bytes(data[end - 4 : end], "big"):
+            return False
+        if data[at + 4 : at + 8] == b"IEND":
+            return True
+        at = end
+    return False

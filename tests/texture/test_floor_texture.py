@@ -1,0 +1,168 @@
+import math
+
+import numpy as np
+import pytest
+
+from pfslam_viz.config import TextureConfig, load_robot
+from pfslam_viz.robot import CameraGeometry
+from pfslam_viz.texture import FloorTexture, depth_from_disparity
+
+NOTHING = 2047
+
+
+def camera() -> CameraGeometry:
+    found = load_robot().ground_camera()
+    assert found is not None
+    return found
+
+
+def texture(cell: float = 0.07, **options: float) -> FloorTexture:
+    return FloorTexture(camera(), TextureConfig(**options), cell)  # type: ignore[arg-type]
+
+
+def floor_disparity() -> np.ndarray:
+    """What the camera sees of an endless empty floor; NOTHING above the horizon and beyond the sensor's range."""
+    v = np.arange(480)
+    c, s = math.cos(0.31415926535897931), math.sin(0.31415926535897931)
+    down = s + c * (v - 242.94140713) / 585.05108211
+    with np.errstate(divide="ignore"):
+        d = np.rint((3.31 - 1.03 * down / (0.38001 + 0.127)) / 0.00304)
+    row = np.where((down > 0) & (d < 1040), d, NOTHING).astype(np.uint16)
+    return np.repeat(row[:, None], 640, axis=1)
+
+
+def paint_pixel_by_pixel(
+    disparity: np.ndarray, color: np.ndarray, pose: tuple[float, float, float], cell: float
+) -> dict[tuple[int, int], list[np.ndarray]]:
+    """Plain twin: the colours that fall into every cell (row, column from the origin's), (35) to (38), (24), (25)."""
+    cells: dict[tuple[int, int], list[np.ndarray]] = {}
+    transform = camera().robot_from_optical()
+    world = np.array([
+        [math.cos(pose[2]), -math.sin(pose[2]), 0, pose[0]], [math.sin(pose[2]), math.cos(pose[2]), 0, pose[1]],
+        [0, 0, 1, 0], [0, 0, 0, 1],
+    ])  # fmt: skip
+    for v, u in np.argwhere(disparity < NOTHING):
+        d = int(disparity[v, u])
+        dd = -0.00304 * d + 3.31
+        if dd <= 0:
+            continue
+        depth = float(depth_from_disparity(d))
+        optical = [(u - 315.83800193) / 585.05108211 * depth, (v - 242.94140713) / 585.05108211 * depth, depth, 1.0]
+        robot = transform @ optical
+        if abs(robot[2]) > 0.05 or robot[0] - transform[0, 3] > 4.0:
+            continue
+        column = math.floor((526.37 * u - 4.5 * 1750.46 * dd + 19276) / 585.051 + 0.5)
+        row = round((526.37 * v + 16662) / 585.051)
+        if 0 <= column < 640 and 0 <= row < 480:
+            x, y = (world @ robot)[:2]
+            cells.setdefault((math.floor(-y / cell), math.floor(x / cell)), []).append(color[row, column])
+    return cells
+
+
+def test_one_pixel_by_hand() -> None:
+    """Pixel (400, 316): almost straight ahead; its floor point and its colour's pixel worked out on paper."""
+    disparity = np.full((480, 640), NOTHING, np.uint16)
+    # down = sin 18° + cos 18° * 157.0586 / 585.0511 = 0.30902 + 0.25531 = 0.56433; depth = 0.50701 / 0.56433 = 0.89843;
+    # d = (3.31 - 1.03 / 0.89843) / 0.00304 = 711.7.
+    disparity[400, 316] = 712
+    color = np.zeros((480, 640, 3), np.uint8)
+    # dd = 1.14552, depth = 0.89916; u = (166332.9 - 9023.4 + 19276) / 585.051 = 301.8; v = 227210 / 585.051 = 388.4.
+    color[388, 302] = (10, 200, 90)
+    floor = texture()
+    # x = 0.33276 + 0.89916 * (cos 18° - sin 18° * 0.26845) = 1.1133 ahead; sideways 0.2 mm: turned to the left by 90°
+    # from (2, 3) that is the point (2.000, 4.1133): row floor(-4.1133 / 0.07) = -59, column floor(2.0002 / 0.07) = 28.
+    assert floor.add(disparity, color, (2.0, 3.0, math.pi / 2)) == 1
+    (cell,) = np.argwhere(floor.weight)
+    assert tuple(cell - floor.origin) == (-59, 28)
+    assert floor.color[tuple(cell)].tolist() == [10, 200, 90] and floor.weight[tuple(cell)] == 1.0
+
+
+@pytest.mark.parametrize("pose", [(0.0, 0.0, 0.0), (-12.3, 7.7, 2.2)])
+def test_matches_the_plain_twin(pose: tuple[float, float, float]) -> None:
+    rng = np.random.default_rng(1)
+    disparity = np.full((480, 640), NOTHING, np.uint16)
+    kept = rng.random((480, 640)) < 0.01
+    noisy = floor_disparity().astype(int) + rng.integers(-12, 13, (480, 640))
+    disparity[kept] = np.clip(noisy, 0, NOTHING)[kept]
+    color = rng.integers(0, 256, (480, 640, 3), dtype=np.uint8)
+    floor = texture()
+    expected = paint_pixel_by_pixel(disparity, color, pose, 0.07)
+    assert floor.add(disparity, color, pose) == pytest.approx(len(expected), abs=2)
+    wrong = 0
+    for (row, column), colors in expected.items():
+        at = row + floor.origin[0], column + floor.origin[1]
+        same = floor.weight[at] == len(colors) and np.abs(floor.color[at] - np.mean(colors, axis=0)).max() <= 0.51
+        wrong += not same
+    assert len(expected) > 500
+    assert wrong <= 0.02 * len(expected)  # single precision: a point on a cell's edge may fall to either side
+
+
+def test_colour_is_the_mean_of_all_pixels() -> None:
+    floor, disparity = texture(), floor_disparity()
+    for value, count in ((30, 3), (90, 1)):
+        for _ in range(count):
+            floor.add(disparity, np.full((480, 640, 3), value, np.uint8), (0.0, 0.0, 0.0))
+    seen = floor.weight > 0
+    assert seen.sum() > 1000 and (floor.color[seen] == 45).all() and (floor.color[~seen] == 0).all()
+    assert floor.frames == 4
+
+
+def test_only_the_floor_is_painted() -> None:
+    color = np.full((480, 640, 3), 255, np.uint8)
+    assert texture().add(np.full((480, 640), NOTHING, np.uint16), color, (0, 0, 0)) == 0
+    # A wall that fills the image, 0.6 m away: nothing of it is below 5 cm (the lowest ray is 40° down: 0.5 m at 0.6 m).
+    near = round((3.31 - 1.03 / 0.5) / 0.00304)
+    assert texture().add(np.full((480, 640), near, np.uint16), color, (0, 0, 0)) == 0
+    wide, narrow = (
+        texture(floor_tolerance=t).add(floor_disparity() + np.uint16(8), color, (0, 0, 0)) for t in (0.5, 0.02)
+    )
+    assert narrow < 0.5 * wide
+
+
+def test_max_range_is_ahead_of_the_camera() -> None:
+    color = np.full((480, 640, 3), 255, np.uint8)
+    for limit in (1.5, 3.0):
+        floor = texture(max_range=limit)
+        floor.add(floor_disparity(), color, (0.0, 0.0, 0.0))
+        columns = np.flatnonzero(floor.weight.any(axis=0)) - floor.origin[1]
+        assert columns.max() * 0.07 == pytest.approx(0.33276 + limit, abs=0.1)
+
+
+def test_grows_in_every_direction_and_keeps_its_frame() -> None:
+    disparity, color = floor_disparity(), np.full((480, 640, 3), 200, np.uint8)
+    poses = [(0.0, 0.0, 0.0), (30.0, 2.0, 1.0), (-25.0, -18.0, 3.0), (3.0, 22.0, -1.0)]
+    grown = texture()
+    for pose in poses:
+        grown.add(disparity, color, pose)
+    alone = np.zeros(grown.shape, np.float32)
+    for pose in poses:
+        single = texture()
+        single.add(disparity, color, pose)
+        alone += single.aligned(grown.shape, grown.origin)[1]
+    assert np.array_equal(alone, grown.weight) and alone.sum() > 0
+    x, y = grown.lower_left
+    assert x == pytest.approx(-grown.origin[1] * 0.07) and x < -25.0
+    assert y == pytest.approx((grown.origin[0] - grown.shape[0]) * 0.07) and y < -18.0
+
+
+def test_aligned_crops_and_pads() -> None:
+    floor = texture()
+    floor.add(floor_disparity(), np.full((480, 640, 3), 200, np.uint8), (0.0, 0.0, 0.0))
+    row, column = np.argwhere(floor.weight)[0]
+    color, weight = floor.aligned((3, 5), (floor.origin[0] - row + 1, floor.origin[1] - column + 2))
+    assert weight.shape == (3, 5) and weight[1, 2] == floor.weight[row, column] and (color[1, 2] == 200).all()
+    color, weight = floor.aligned((10, 10), (2000, 2000))
+    assert color.shape == (10, 10, 3) and not weight.any()
+
+
+@pytest.mark.parametrize(
+    ("disparity", "color", "message"),
+    [
+        (np.zeros((480, 640), np.uint8), np.zeros((480, 640, 3), np.uint8), "disparity image is 480 x 640 uint8"),
+        (np.zeros((240, 320), np.uint16), np.zeros((480, 640, 3), np.uint8), "disparity image is 240 x 320"),
+        (np.zeros((480, 640), np.uint16), np.zeros((480, 640), np.uint8), "colour image is 480 x 640 uint8, not"),
+    ],
+)
+def test_wrong_images(disparity: np.ndarray, color: np.ndarray, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        texture().add(disparity, color, (0.0, 0.0, 0.0))
