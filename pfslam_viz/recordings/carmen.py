@@ -87,6 +87,12 @@ def load(path: Path, name: str | None = None) -> Recording:
         raise InputError(f"{path}: no scan has a valid time stamp")
     scans = _without_repeats(scans, notes)
     poses = _robot_poses(scans, messages, notes)
+    usable = _has_usable_beams(scans)
+    if not usable.any():
+        raise InputError(f"{path}: no scan has usable beam angles")
+    if not usable.all():
+        notes.append(f"lidar: {int((~usable).sum())} scans with impossible beam angles left out")
+        scans, poses = scans.take(np.flatnonzero(usable)), poses[usable]
     angles, ranges, on_grid = _beams(scans, notes)
     if not on_grid.all():
         scans, poses = scans.take(np.flatnonzero(on_grid)), poses[on_grid]
@@ -185,6 +191,15 @@ def _robot_poses(scans: Scans, messages: Messages, notes: list[str]) -> Array:
     return scans.robot
 
 
+def _has_usable_beams(scans: Scans) -> NDArray[np.bool_]:
+    """Which scans (n,) have beams that go round at most once, from within one turn of straight ahead."""
+    turn = 2 * math.pi + 0.1
+    with np.errstate(invalid="ignore"):
+        span = scans.resolution * (scans.beams - 1)
+        usable: NDArray[np.bool_] = (np.abs(scans.start) < turn) & (scans.resolution > 1e-4) & (span < turn)
+    return usable
+
+
 def _beams(scans: Scans, notes: list[str]) -> tuple[Array, NDArray[np.float32], NDArray[np.bool_]]:
     """One grid of beam angles (B,), the ranges on it (k, B), and which scans (n,) bool fit it.
 
@@ -204,8 +219,9 @@ def _beams(scans: Scans, notes: list[str]) -> tuple[Array, NDArray[np.float32], 
     low = int(first.min())
     high = int((first + finer * (beams - 1)).max())
     ranges = np.zeros((len(rows), high - low + 1), dtype=np.float32)
-    for (at, count), group in _groups(first, beams):
-        ranges[group, at - low : at - low + finer * count : finer] = [scans.ranges[k] for k in rows[group]]
+    with np.errstate(over="ignore", invalid="ignore"):
+        for (at, count), group in _groups(first, beams):
+            ranges[group, at - low : at - low + finer * count : finer] = [scans.ranges[k] for k in rows[group]]
     if (beams != usual).any():
         counts = " or ".join(str(n) for n in np.unique(beams))
         notes.append(f"lidar: scans have {counts} beams; where a scan has no beam it has no return")

@@ -1,6 +1,7 @@
 """Reading ``.npz`` files with errors that a user can act on."""
 
 import struct
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Iterable
@@ -14,6 +15,12 @@ from pfslam_viz.errors import InputError
 
 Array = NDArray[np.float64]
 
+# What zipfile and NumPy's header parser raise for damaged files, found by damaging files at random; ValueError besides.
+_DAMAGE = (
+    zipfile.BadZipFile, zlib.error, EOFError, struct.error, KeyError, RuntimeError, SyntaxError, TypeError,
+    OverflowError, MemoryError, tokenize.TokenError,
+)  # fmt: skip
+
 
 def read_arrays(path: Path, required: Iterable[str], optional: Iterable[str] = ()) -> dict[str, NDArray[Any]]:
     """The named arrays of an ``.npz`` file, as stored.
@@ -24,10 +31,10 @@ def read_arrays(path: Path, required: Iterable[str], optional: Iterable[str] = (
     required = tuple(required)
     found: dict[str, NDArray[Any]] = {}
     try:
-        archive = np.load(path, allow_pickle=False)
-        if not isinstance(archive, np.lib.npyio.NpzFile):
-            raise InputError(f"{path}: holds one bare array; expected an .npz with {', '.join(required)}")
-        with archive:
+        with path.open("rb") as file:  # opened here, as NumPy does not close it when it is no zip file
+            archive = np.load(file, allow_pickle=False)
+            if not isinstance(archive, np.lib.npyio.NpzFile):
+                raise InputError(f"{path}: holds one bare array; expected an .npz with {', '.join(required)}")
             missing = [key for key in required if key not in archive]
             if missing:
                 present = ", ".join(archive.files) or "nothing"
@@ -37,12 +44,11 @@ def read_arrays(path: Path, required: Iterable[str], optional: Iterable[str] = (
                     found[key] = _read(archive, key, path)
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
-    except (zipfile.BadZipFile, zlib.error, EOFError, struct.error, KeyError, NotImplementedError):
+    except _DAMAGE:
         raise InputError(f"{path}: damaged or only half downloaded; get it again") from None
     except ValueError as error:
-        if "pickle" in str(error):
-            raise InputError(f"{path}: not an .npz file, or damaged; get it again") from None
-        raise InputError(f"{path}: damaged ({error}); get it again") from None
+        what = "not an .npz file, or damaged" if "pickle" in str(error) else "damaged"
+        raise InputError(f"{path}: {what}; get it again") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
     return found

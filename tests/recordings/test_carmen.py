@@ -118,6 +118,19 @@ def test_scan_of_another_resolution_is_left_out(tmp_path: Path) -> None:
     assert any("1 scans with other beam angles" in note for note in recording.notes)
 
 
+def test_scans_with_impossible_angles_are_left_out(tmp_path: Path) -> None:
+    good = [robotlaser([1, 2], (0, 0, 0), (k, 0, 0), k) for k in range(3)]
+    bad = [
+        robotlaser([1, 2], (0, 0, 0), (9, 0, 0), 1.5, start=start, resolution=resolution)
+        for start, resolution in ((math.nan, 0.1), (0.0, 0.0), (1e6, 0.1), (0.0, 9.0))
+    ]
+    recording = carmen.load(write(tmp_path / "x.log", *good, *bad))
+    assert recording.stamps.tolist() == [0, 1, 2]
+    np.testing.assert_allclose(recording.odometry[:, 0], [0, 1, 1])
+    with pytest.raises(InputError, match="no scan has usable beam angles"):
+        carmen.load(write(tmp_path / "x.log", *bad))
+
+
 def test_scans_are_sorted_and_their_odometry_with_them(tmp_path: Path) -> None:
     lines = [flaser(np.full(180, t + 1.0), (t, 0, 0), t) for t in (0.0, 2.0, 1.0, 3.0)]
     recording = carmen.load(write(tmp_path / "x.log", *lines))

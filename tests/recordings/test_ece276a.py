@@ -265,6 +265,23 @@ def test_flipped_bytes_inside_an_array(write_set: WriteSet) -> None:
         ece276a.load(path)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_random_damage_is_handled_or_named(write_set: WriteSet, seed: int) -> None:
+    folder, rng = write_set(), np.random.default_rng(seed)
+    for _ in range(40):
+        path = folder / f"{rng.choice(ece276a.REQUIRED)}7.npz"
+        content = path.read_bytes()
+        spoiled = np.frombuffer(content, dtype=np.uint8).copy()
+        spoiled[rng.integers(len(spoiled), size=rng.integers(1, 20))] = rng.integers(256)
+        path.write_bytes(spoiled.tobytes())
+        try:
+            recording = ece276a.load(folder)
+            assert np.isfinite(recording.ranges).all() and (np.diff(recording.stamps) > 0).all()
+        except InputError as error:
+            assert "7" in str(error) and "\n" not in str(error)
+        path.write_bytes(content)
+
+
 def test_not_an_npz(write_set: WriteSet) -> None:
     path = write_set() / "Imu7.npz"
     path.write_text("<html>404</html>")
