@@ -36,7 +36,7 @@ class ParticleFilter:
     def best(self) -> Array:
         """(3,) the most likely particle after the last update: the "mode" of section I."""
         particles, weights = self._weighed
-        return particles[int(np.argmax(weights))]
+        return particles[int(np.argmax(weights))].copy()  # a view would keep all particles of its scan alive
 
     def predict(self, increment: Array, dt: float) -> None:
         """Move every particle by the odometry, with noise of its own: (13), (17) to (19)."""
