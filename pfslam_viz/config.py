@@ -24,7 +24,11 @@ class _Section(BaseModel):
 
 
 class MotionConfig(_Section):
-    """Noise of the motion model, (18) and (19)."""
+    """Noise of the motion model, (18) and (19).
+
+    The scaled model's variances grow with what was driven, turned and waited, so that they do not depend on how many
+    scans a drive is cut into.
+    """
 
     model: Literal["additive", "scaled"] = Field("additive", description="additive: the paper's; scaled: with motion")
     variance: tuple[NonNegative, NonNegative, NonNegative] = Field(
@@ -32,12 +36,19 @@ class MotionConfig(_Section):
         strict=False,
         description="additive: variance of x, y (m²) and heading (rad²) per scan, (39)",
     )
+    distance_by_distance: NonNegative = Field(0.03, description="scaled: std of the position, m, after 1 m")
+    distance_by_turn: NonNegative = Field(0.02, description="scaled: ..., m, after 1 rad")
+    turn_by_turn: NonNegative = Field(0.05, description="scaled: std of the heading, rad, after 1 rad")
+    turn_by_distance: NonNegative = Field(0.02, description="scaled: ..., rad, after 1 m")
+    turn_by_time: NonNegative = Field(0.002, description="scaled: ..., rad, after 1 s: the gyro's own")
 
 
 class ObservationConfig(_Section):
     """How a scan is compared with the map."""
 
-    model: Literal["correlation", "likelihood_field"] = "correlation"
+    model: Literal["correlation", "scan_matching"] = Field(
+        "correlation", description="correlation: the paper's; scan_matching: point to line, see [matching]"
+    )
     perturbation: bool = Field(False, description="correlation: best of the offsets below, IV-E-1")
     perturbation_cells: int = Field(1, ge=0, le=5)
     perturbation_angle: float = Field(0.02, ge=0, le=0.5, description="rad")
@@ -63,6 +74,23 @@ class ResamplingConfig(_Section):
     scheme: Literal["multinomial", "systematic", "stratified", "residual"] = "systematic"
 
 
+class MatchingConfig(_Section):
+    """Matching a scan with the map, point to line."""
+
+    update_distance: NonNegative = Field(0.03, description="m; a scan is matched and drawn after so much motion ...")
+    update_angle: NonNegative = Field(0.015, description="rad; ... or so much turning, or when the robot has stopped")
+    wall_reach: Positive = Field(0.3, description="m; a wall's direction is taken from end points this near")
+    search: int = Field(4, ge=1, le=20, description="cells; an end point looks so far for its wall")
+    sigma: Positive = Field(0.03, description="m; spread of end points about a wall")
+    temper: Positive = Field(0.1, description="exponent of the scan's likelihood: beams are not independent")
+    least_distance: Positive = Field(0.004, description="m; the prediction is never trusted to better")
+    least_angle: Positive = Field(0.002, description="rad; the prediction is never trusted to better")
+    degenerate: NonNegative = Field(
+        0.01, description="a direction with less than this share of the scan's information is left to the odometry"
+    )
+    memory: int = Field(1000, ge=1, description="a wall's place is the mean over so many end points")
+
+
 class RaoBlackwellizedConfig(_Section):
     """The filter with a map per particle (Grisetti, Stachniss & Burgard 2007)."""
 
@@ -72,10 +100,12 @@ class RaoBlackwellizedConfig(_Section):
     sigma: Positive = Field(0.05, description="m; spread of end points about a wall")
     floor: float = Field(0.1, gt=0, lt=1, description="share of end points that no wall explains")
     temper: Positive = Field(0.1, description="exponent of the scan's likelihood: beams are not independent")
+    scan_temper: Positive = Field(0.05, description="exponent of the scan-to-scan match's likelihood")
     log_odds_hit: Positive = 0.9
     log_odds_miss: Positive = 0.1
     log_odds_bound: Positive = 4.0
     max_range: Positive = Field(20.0, description="m; beams longer than this are neither matched nor drawn")
+    free_beams: int = Field(360, ge=10, description="beams that clear free space at most; all of them mark walls")
     match_beams: int = Field(180, ge=10, description="end points that are matched, spread evenly along the walls")
     match_spacing: NonNegative = Field(0.05, description="m between end points that are matched")
     search_distance: Positive = Field(0.05, description="m; first step of the search")
@@ -108,6 +138,7 @@ class Config(_Section):
     seed: int = Field(0, ge=0)
     motion: MotionConfig = MotionConfig()
     observation: ObservationConfig = ObservationConfig()
+    matching: MatchingConfig = MatchingConfig()
     map: MapConfig = MapConfig()
     resampling: ResamplingConfig = ResamplingConfig()
     rao_blackwellized: RaoBlackwellizedConfig = RaoBlackwellizedConfig()

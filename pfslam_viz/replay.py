@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pfslam_viz import geometry
 from pfslam_viz.config import Config
 from pfslam_viz.recordings.recording import Recording
+from pfslam_viz.slam.matching_filter import MatchingFilter
 from pfslam_viz.slam.observation import ScanReader
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.slam.particle_filter import ParticleFilter
@@ -187,6 +188,8 @@ def make_slam(config: Config, worker: Worker | None = None) -> Slam:
     """The back end that the configuration names. It may have the ``worker`` help it."""
     if config.backend == "rao_blackwellized":
         return RaoBlackwellizedFilter(config)
+    if config.observation.model == "scan_matching":
+        return MatchingFilter(config)
     return ParticleFilter(config, worker)
 
 

@@ -27,6 +27,8 @@ class OccupancyGrid:
         origin: row and column of the cell at the world's origin, (24) and (25).
     """
 
+    _LAYERS: tuple[str, ...] = ("log_odds", "occupied")  # what grows, cell by cell
+
     def __init__(self, config: MapConfig) -> None:
         self.config = config
         self.origin = (MARGIN, MARGIN)
@@ -126,8 +128,9 @@ class OccupancyGrid:
         after = column + right + 1 + MARGIN - columns if column + right > columns - 2 else 0
         if above or before or below or after:
             pad = ((above, below), (before, after))
-            self.log_odds = np.pad(self.log_odds, pad)
-            self.occupied = np.pad(self.occupied, pad)
+            for name in self._LAYERS:
+                layer = getattr(self, name)
+                setattr(self, name, np.pad(layer, (*pad, (0, 0))[: layer.ndim]))
             self.origin = (row + above, column + before)
             self._scratch, self._spare = Scratch(self.shape), None
 

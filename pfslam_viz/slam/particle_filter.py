@@ -40,7 +40,7 @@ class ParticleFilter:
 
     def predict(self, increment: Array, dt: float) -> None:
         """Move every particle by the odometry, with noise of its own: (13), (17) to (19)."""
-        self._particles = motion.predict(self._particles, increment, self.config.motion, self._rng)
+        self._particles = motion.predict(self._particles, increment, dt, self.config.motion, self._rng)
 
     def update(self, scan: Scan) -> None:
         """Multiply every weight by the correlation of the scan with the map: (26), (27)."""

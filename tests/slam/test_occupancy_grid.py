@@ -94,6 +94,10 @@ def test_at_the_threshold_a_cell_is_free() -> None:
     g.add(pose, np.array([[2.5, 0.0]]), HERE)
     assert at(g, 1.7, -0.2) == 0.0
     assert g.occupied[g.origin[0], g.origin[1] + 3] == 0
+    g.add(pose, np.array([[2.5, 0.0]]), HERE)
+    g.add(pose, np.array([[1.5, 0.0]]), HERE)
+    assert at(g, 1.7, -0.2) == 0.0
+    assert g.occupied[g.origin[0], g.origin[1] + 3] == 0
 
 
 @pytest.mark.parametrize("heading", [0.0, math.pi / 2, math.pi, -math.pi / 2])

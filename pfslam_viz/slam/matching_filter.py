@@ -1,0 +1,164 @@
+"""The single-map filter with scan matching: the paper's filter, with a proposal that has seen the scan."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pfslam_viz import geometry
+from pfslam_viz.config import Config
+from pfslam_viz.slam import kernels, motion, point_to_line, resampling
+from pfslam_viz.slam.protocol import Estimate, Match, Scan
+from pfslam_viz.slam.scan_matching import wall_normals
+from pfslam_viz.slam.wall_map import WallMap
+
+Array = NDArray[np.float64]
+
+AT_REST = 1e-4  # m in one scan: a robot that moves less has stopped
+WORTH = 0.1  # share of a key scan's motion after which a stop is worth a key scan
+
+
+class MatchingFilter:
+    """Particles (N, 3) that share one map, moved as a cloud to where the scan fits the map best, then weighed by it.
+
+    A scan is used ("key scan") when the robot has moved on since the last one, or has stopped: it is matched, point to
+    line, with the particles' own spread as prior; the cloud is moved by what the match changed; each particle is
+    weighed by the scan's tempered likelihood and by how the move has changed its prior. Between key scans the
+    particles follow the odometry. Particle 0 is the mode: it moves without noise, stands at the matched pose after a
+    key scan, and draws the map.
+    """
+
+    def __init__(self, config: Config) -> None:
+        self.config = config
+        self.grid = WallMap(config.map, config.matching)
+        self._rng = np.random.default_rng(config.seed)
+        n = config.particles
+        self._particles = np.zeros((n, 3))
+        self._log_weights = np.zeros(n)
+        self._weighed = (self._particles, np.full(n, 1.0 / n))
+        self._parents = self._drawn = np.arange(n)
+        self._driven = self._turned = 0.0
+        self._moving = self._keyed = self._resampled = False
+        self._informative = True
+        self._match: Match | None = None
+        self._normals = np.zeros((0, 2))
+        self._online: list[Array] = []
+
+    @property
+    def best(self) -> Array:
+        """(3,) the mode: the pose at which the posterior is greatest."""
+        pose: Array = self._weighed[0][0]
+        return pose
+
+    def predict(self, increment: Array, dt: float) -> None:
+        """Move every particle by the odometry, all but the mode with noise of their own: (13), (17) to (19)."""
+        moved = motion.predict(self._particles, increment, dt, self.config.motion, self._rng)
+        moved[0] = geometry.compose(self._particles[0], increment)
+        self._particles = moved
+        distance = math.hypot(increment[0], increment[1])
+        self._driven += distance
+        self._turned += abs(float(increment[2]))
+        self._moving = distance > AT_REST
+
+    def update(self, scan: Scan) -> None:
+        """Match a key scan with the map, move the cloud there and weigh it: (15), with (27)'s correlation replaced."""
+        self._match, self._keyed, self._informative = None, self._is_key(), True
+        if self._keyed:
+            self._driven = self._turned = 0.0
+            self._normals = wall_normals(scan.points, scan.origin, self.config.matching.wall_reach)
+            if self._online:
+                self._match_and_weigh(scan.points)
+        weights = np.exp(self._log_weights - self._log_weights.max())
+        self._weighed = (self._particles, weights / weights.sum())
+        self._parents, self._drawn = self._drawn, np.arange(len(weights))
+        self._online.append(self.best)
+
+    def _is_key(self) -> bool:
+        m = self.config.matching
+        share = max(self._driven / max(m.update_distance, 1e-9), self._turned / max(m.update_angle, 1e-9))
+        return not self._online or share >= (1.0 if self._moving else WORTH)
+
+    def _match_and_weigh(self, points: Array) -> None:
+        m = self.config.matching
+        on_wall = self._normals.any(axis=1)
+        points, normals = points[on_wall], self._normals[on_wall]
+        guess = self._particles[0]
+        covariance = kernels.moments(*self._spread())[1]
+        covariance += np.diag([m.least_distance**2, m.least_distance**2, m.least_angle**2])
+        prior = np.asarray(np.linalg.inv(covariance), np.float64)
+        pose, information, score, partners = self.grid.match(guess, prior, points, normals)
+        self._informative = bool(partners[:, 4].any())
+        if not self._informative:
+            return
+        change = pose - guess
+        open_direction = weakest_direction(information, m.degenerate)
+        if open_direction is not None:  # the odometry knows better how far the robot has come along a bare wall
+            change[:2] -= open_direction * (open_direction @ change[:2])
+        before = geometry.between(np.append(guess[:2], 0.0), self._particles) - [0.0, 0.0, guess[2]]
+        before[:, 2] = geometry.wrap(before[:, 2])
+        after = before + change
+        self._particles = self._particles + change
+        self._particles[:, 2] = geometry.wrap(self._particles[:, 2])
+        self._log_weights = (
+            self._log_weights
+            + m.temper * point_to_line.log_likelihoods(self._particles, points, partners, m.sigma)
+            - 0.5 * np.einsum("ni,ij,nj->n", after, prior, after)
+            + 0.5 * np.einsum("ni,ij,nj->n", before, prior, before)
+        )
+        self._match = Match(
+            correction=geometry.between(guess, self._particles[0]), score=score, degenerate=open_direction
+        )
+
+    def _spread(self) -> tuple[Array, Array]:
+        weights = np.exp(self._log_weights - self._log_weights.max())
+        return self._particles, weights / weights.sum()
+
+    def update_map(self, scan: Scan) -> None:
+        """The mode writes a key scan into the map: (28), (29)."""
+        if self._keyed:
+            self.grid.add_scan(self.best, scan.points, self._normals, scan.origin)
+
+    def resample(self) -> None:
+        """Draw N particles anew if the policy says so, (30) to (32); the mode stays."""
+        weights = self._weighed[1]
+        self._resampled = self._keyed and resampling.is_due(weights, self.config.resampling)
+        if self._resampled:
+            self._drawn = resampling.SCHEMES[self.config.resampling.scheme](weights, self._rng)
+            self._drawn[0] = 0
+            self._particles = self._particles[self._drawn]
+            self._log_weights = np.zeros(len(weights))
+
+    def estimate(self) -> Estimate:
+        """The belief after the scan, from the particles as they were weighed (before resampling)."""
+        particles, weights = self._weighed
+        mean, covariance, n_eff = kernels.moments(particles, weights)
+        return Estimate(
+            particles=particles,
+            weights=weights,
+            best=self.best,
+            mean=mean,
+            covariance=covariance,
+            n_eff=n_eff,
+            resampled=self._resampled,
+            informative=self._informative,
+            parents=self._parents,
+            match=self._match,
+            map_updated=self._keyed,
+        )
+
+    def trajectory(self) -> Array:
+        """(n, 3) the mode at every scan: one map keeps no other history."""
+        return np.array(self._online).reshape(-1, 3)
+
+    def finish(self) -> None:
+        """Nothing is settled in hindsight."""
+
+
+def weakest_direction(information: Array, share: float) -> Array | None:
+    """The unit direction (2,) in which a match's information (3, 3) says least about the position, or None.
+
+    None if even there it has at least ``share`` of what it has in both directions together; the heading is unknown.
+    """
+    place = information[:2, :2] - np.outer(information[:2, 2], information[2, :2]) / max(information[2, 2], 1e-12)
+    values, vectors = np.linalg.eigh(place)
+    return vectors[:, 0] if values[0] < share * values.sum() else None
