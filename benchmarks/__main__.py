@@ -1,9 +1,12 @@
-"""``python -m benchmarks [speed|scaling|memory|recording|accuracy]``: speed when nothing is named."""
+"""``python -m benchmarks NAME``, with NAME one of NAMES below; speed when nothing is named."""
 
 import sys
 from importlib import import_module
 
-NAMES = ("speed", "scaling", "memory", "recording", "accuracy")
+from benchmarks import machine
+
+NAMES = ("speed", "scaling", "memory", "recording", "startup", "accuracy", "report")
+TELL_THEMSELVES = ("accuracy", "report")  # on what machine they ran
 
 
 def main() -> None:
@@ -13,6 +16,8 @@ def main() -> None:
         name, *arguments = arguments
     if name not in NAMES:
         sys.exit(f"no benchmark is called '{name}'; there are {', '.join(NAMES)}")
+    if name not in TELL_THEMSELVES and not {"-h", "--help"} & set(arguments):
+        print(machine.describe(), "\n")
     import_module(f"benchmarks.{name}").main(arguments)
 
 

@@ -21,7 +21,7 @@ class Case:
     """What to run.
 
     ``filter`` is ``pfslam`` or ``literal``; ``log`` writes a .rrd too, which is then measured and deleted. None leaves
-    a setting to the configuration. ``stop`` ends the run before that scan.
+    a setting to the configuration. Scans ``start`` to ``stop`` - 1 are replayed.
     """
 
     recording: str = "demo"
@@ -30,6 +30,7 @@ class Case:
     particles: int | None = None
     beams: int | None = None
     cell: float | None = None
+    start: int = 0
     stop: int | None = None
     seed: int = 0
     filter: str = "pfslam"
@@ -73,7 +74,7 @@ def run(case: Case) -> dict[str, Any]:
     from pfslam_viz.recordings.catalog import load_recording
 
     started = perf_counter()
-    recording = load_recording(case.recording, Path(case.data) if case.data else None).select(0, case.stop)
+    recording = load_recording(case.recording, Path(case.data) if case.data else None).select(case.start, case.stop)
     load_seconds = perf_counter() - started
     config = load_config(case.config, case.all_settings())
     file_bytes = None

@@ -6,7 +6,6 @@ python -m benchmarks memory --recording intel --data DIR
 import argparse
 from dataclasses import replace
 
-from benchmarks import machine
 from benchmarks.case import measure
 from benchmarks.speed import add_case_options, case_of
 
@@ -17,7 +16,6 @@ def main(arguments: list[str]) -> None:
     add_case_options(parser)
     given = parser.parse_args(arguments)
     case = case_of(given)
-    print(machine.describe(), "\n")
     whole = measure(case)
     quarter = measure(replace(case, stop=whole["scans"] // 4))
     print(f"{case.recording}, {case.config}, with --save")

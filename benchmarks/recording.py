@@ -13,7 +13,6 @@ import tempfile
 from pathlib import Path
 from statistics import median
 
-from benchmarks import machine
 from benchmarks.case import ROOT
 from benchmarks.headless import headless_viewer
 from benchmarks.speed import add_case_options, case_of, replay_command
@@ -27,7 +26,6 @@ def main(arguments: list[str]) -> None:
     add_case_options(parser)
     parser.add_argument("--rrd", type=Path, help="measure this file instead of making one")
     given = parser.parse_args(arguments)
-    print(machine.describe(), "\n")
     with tempfile.TemporaryDirectory() as folder:
         path = given.rrd or Path(folder) / "out.rrd"
         if given.rrd is None:

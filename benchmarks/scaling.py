@@ -1,13 +1,12 @@
 """How the time of a scan grows with particles, beams and cell size, beside the literal NumPy filter.
 
-python -m benchmarks scaling --recording 21 --data DIR --stop 600
+python -m benchmarks scaling --recording 21 --data DIR --start 1000 --stop 1600
 """
 
 import argparse
 from dataclasses import replace
 from typing import Any
 
-from benchmarks import machine
 from benchmarks.case import Case, measure
 from benchmarks.literal_filter import PHASES
 from benchmarks.speed import add_case_options, case_of
@@ -27,7 +26,6 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--no-literal", action="store_true")
     given = parser.parse_args(arguments)
     base = case_of(given, **BASE, log=False, texture=False)
-    print(machine.describe(), "\n")
     print("Mean ms a scan; peak memory of the process.\n")
     print(
         "| particles | beams | cell m | predict | correlate | map | resample | other map | sum | MB | literal | ratio |"

@@ -13,7 +13,6 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from benchmarks import machine
 from benchmarks.case import ROOT, Case, measure
 
 
@@ -29,7 +28,6 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--command", action="store_true", help="time the whole `pfslam-viz replay --save` too")
     given = parser.parse_args(arguments)
     case = case_of(given, particles=given.particles, beams=given.beams, cell=given.cell, log=not given.no_log)
-    print(machine.describe(), "\n")
     numbers = measure(case)
     print(f"{given.recording}, {case.config}: {settings(numbers)}\n")
     print(table(numbers))
@@ -48,6 +46,7 @@ def add_case_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--recording", default="demo")
     parser.add_argument("--data", help="folder of recordings")
     parser.add_argument("--config", default="paper")
+    parser.add_argument("--start", type=int, default=0, help="first scan")
     parser.add_argument("--stop", type=int, help="scan to stop before")
     parser.add_argument("--set", dest="settings", action="append", default=[], metavar="SECTION.KEY=VALUE")
 
@@ -61,6 +60,7 @@ def case_of(given: argparse.Namespace, **more: Any) -> Case:
         recording=recording,
         data=data,
         config=given.config,
+        start=given.start,
         stop=given.stop,
         settings=tuple(given.settings),
         **more,
@@ -95,6 +95,7 @@ def replay_command(case: Case, path: Path) -> list[str]:
     command = [sys.executable, "-m", "pfslam_viz", "replay", case.recording, "--config", case.config, "--quiet"]
     command += ["--save", str(path)]
     command += ["--data", case.data] if case.data else []
+    command += ["--start", str(case.start)] if case.start else []
     command += ["--stop", str(case.stop)] if case.stop else []
     return command + [word for setting in case.all_settings() for word in ("--set", setting)]
 
