@@ -1,0 +1,76 @@
+"""The yardstick of the benchmarks is the same filter, and a benchmark's numbers are what they say."""
+
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pfslam_viz.config import load_config
+from pfslam_viz.recordings.recording import Lidar, Recording
+from pfslam_viz.slam.occupancy_grid import OccupancyGrid
+
+pytest.importorskip("benchmarks", reason="needs the checkout on the path: run python -m pytest in its folder")
+
+from benchmarks import case
+from benchmarks.literal_filter import LiteralFilter, LiteralMap
+
+ANGLES = np.radians(np.linspace(-135, 135, 271))
+
+
+def room(n: int = 12) -> Recording:
+    """A robot that drives 5 cm a scan along x through a room of 6 x 4 m, from its middle."""
+    lidar = Lidar(ANGLES, 0.1, 30.0, np.zeros(3))
+    x = 0.05 * np.arange(n)[:, None]
+    with np.errstate(divide="ignore"):
+        ahead = np.where(np.cos(ANGLES) > 0, 3.0 - x, 3.0 + x) / np.abs(np.cos(ANGLES))
+        ranges = np.minimum(ahead, 2.0 / np.abs(np.sin(ANGLES)))
+    odometry = np.zeros((n, 3))
+    odometry[1:, 0] = 0.05
+    return Recording("room", "ece276a", Path("room"), np.arange(n) * 0.1, ranges.astype(np.float32), lidar, odometry)
+
+
+def test_the_literal_map_is_the_filters_map() -> None:
+    config = load_config("paper")
+    literal, grid = LiteralMap(config), OccupancyGrid(config.map)
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        pose, points = rng.normal(0, 0.3, 3), rng.uniform(-4, 4, (300, 2))
+        literal.add(pose, points, np.zeros(2))
+        grid.add(pose, points, np.zeros(2))
+    rows, columns = np.nonzero(grid.log_odds)
+    shift = np.array(grid.origin) - literal.origin
+    same = np.isclose(literal.log_odds[rows - shift[0], columns - shift[1]], grid.log_odds[rows, columns])
+    assert same.mean() > 0.97  # Bresenham's line and a rounded one differ where a ray passes between two cells
+    assert np.count_nonzero(literal.log_odds) == pytest.approx(len(rows), rel=0.01)
+
+
+def test_without_noise_the_literal_filter_is_dead_reckoning() -> None:
+    config = load_config("paper", ["particles=5", "motion.variance=[0.0, 0.0, 0.0]"])
+    literal = LiteralFilter(room(), config)
+    literal.run()
+    np.testing.assert_allclose(literal.poses, room().dead_reckoning(), atol=1e-12)
+    assert all((seconds[1:] > 0).all() for seconds in literal.seconds.values())
+
+
+def test_the_literal_filter_prefers_the_particle_that_fits() -> None:
+    literal = LiteralFilter(room(1), load_config("paper", ["particles=2"]))
+    literal.run()
+    literal.particles = np.array([[0.0, 0.0, 0.0], [0.5, 0.5, 0.3]])
+    points = room(1).ranges[0, :, None] * np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=-1)
+    literal.update(points)
+    assert literal.weights[0] > 0.8
+
+
+@pytest.mark.parametrize("name", ["pfslam", "literal"])
+def test_a_case_measures_what_it_says(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    monkeypatch.setattr("pfslam_viz.recordings.catalog.load_recording", lambda *_: room())
+    settings = case.Case("room", particles=7, beams=100, cell=0.1, stop=10, filter=name)
+    numbers = case.run(settings)
+    assert (numbers["scans"], numbers["particles"], numbers["beams"], numbers["cell"]) == (10, 7, 100, 0.1)
+    assert numbers["real_time"] == pytest.approx(0.9 / numbers["seconds"])
+    measured = sum(phase["mean"] for phase in numbers["phases"].values()) * 10 / 1e3
+    assert measured < numbers["seconds"]
+    assert ("log" in numbers["phases"]) == (numbers["file_mb"] is not None) == (name == "pfslam")
+    assert 50 < numbers["peak_mb"] < 4000
+    assert case.Case(**asdict(settings)) == settings
