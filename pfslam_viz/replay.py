@@ -46,6 +46,7 @@ class Result:
         resamplings: how many scans were followed by resampling.
         uninformative: how many scans had no correlation with the map.
         interrupted: whether the run was stopped before the last scan.
+        finish_seconds: what settling the whole run took, after the last scan.
         texture: the floor texture, if it was painted.
         skipped_frames: how many colour frames were not painted, by reason, if any were to be.
     """
@@ -63,6 +64,7 @@ class Result:
     resamplings: int
     uninformative: int
     interrupted: bool
+    finish_seconds: float = 0.0
     texture: "FloorTexture | None" = None
     skipped_frames: "SkippedFrames | None" = None
 
@@ -94,6 +96,7 @@ class Replay:
         self._seconds = {phase: np.zeros(len(recording)) for phase in PHASES}
         self._done = self._resamplings = self._uninformative = 0
         self._finished = False
+        self._finish_seconds = 0.0
 
     def __iter__(self) -> Iterator[Step]:
         try:
@@ -104,7 +107,9 @@ class Replay:
             if self.painter:
                 self.painter.close()
         if not self._finished:
+            started = perf_counter()
             self.slam.finish()
+            self._finish_seconds = perf_counter() - started
             if self.painter:
                 self.painter.finish()
             self._finished = True
@@ -179,6 +184,7 @@ class Replay:
             resamplings=self._resamplings,
             uninformative=self._uninformative,
             interrupted=n < len(self.recording),
+            finish_seconds=self._finish_seconds,
             texture=None if self.painter is None else self.painter.texture,
             skipped_frames=None if self.painter is None else self.painter.skipped,
         )

@@ -78,7 +78,7 @@ def scores(recording: Recording, stamps: Array, poses: Array, truth: Array | Non
 
 
 def speed(result: Result) -> dict[str, Any]:
-    """Time per phase and overall. Times real time is the recording's time over the computing time."""
+    """Time per phase and overall, settling the run included; times real time is the recording's time over that."""
     phases = {
         phase: {
             "median_ms": float(np.median(seconds)) * 1e3,
@@ -88,11 +88,12 @@ def speed(result: Result) -> dict[str, Any]:
         for phase, seconds in result.seconds.items()
         if len(seconds)
     }
-    total = sum(phase["total_s"] for phase in phases.values())
+    total = sum(phase["total_s"] for phase in phases.values()) + result.finish_seconds
     scans = len(result.stamps)
     recorded = float(result.stamps[-1] - result.stamps[0]) if scans else 0.0
     return {
         "phases": phases,
+        "finish_s": result.finish_seconds,
         "total_s": total,
         "ms_per_scan": 1e3 * total / scans if scans else None,
         "scans_per_second": scans / total if total > 0 else None,

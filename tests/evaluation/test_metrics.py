@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -67,14 +68,15 @@ def test_numbers_by_hand() -> None:
 
 
 def test_speed() -> None:
-    speed = metrics(make_result())["speed"]
+    speed = metrics(replace(make_result(), finish_seconds=0.005))["speed"]
     assert speed["phases"]["predict"]["median_ms"] == pytest.approx(2.0)
     assert speed["phases"]["predict"]["p95_ms"] == pytest.approx(3.6)  # 0.8 of the way from 2 to 4 ms
     assert speed["phases"]["predict"]["total_s"] == pytest.approx(0.010)
-    assert speed["total_s"] == pytest.approx(0.020)
-    assert speed["scans_per_second"] == pytest.approx(250)
-    assert speed["ms_per_scan"] == pytest.approx(4)
-    assert speed["times_real_time"] == pytest.approx(400)
+    assert speed["finish_s"] == 0.005
+    assert speed["total_s"] == pytest.approx(0.025)
+    assert speed["scans_per_second"] == pytest.approx(200)
+    assert speed["ms_per_scan"] == pytest.approx(5)
+    assert speed["times_real_time"] == pytest.approx(320)
 
 
 @pytest.mark.parametrize("scans", [0, 1, 3, 5])
