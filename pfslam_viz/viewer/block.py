@@ -187,8 +187,10 @@ def ellipse_columns(means: Sequence[Array], covariances: Sequence[Array], z: flo
     values, vectors = np.linalg.eigh(np.asarray(covariances))
     shapes = np.tile(np.eye(3, dtype=np.float32), (len(means), 1, 1))
     shapes[:, :2, :2] = 2.0 * vectors * np.sqrt(np.maximum(values, 1e-12))[:, None, :]
-    columns = np.swapaxes(shapes, 1, 2).reshape(-1, 9)  # Rerun stores matrices column by column
-    return rr.Transform3D.columns(translation=lifted(np.asarray(means), z), mat3x3=columns)
+    by_columns = pa.array(np.swapaxes(shapes, 1, 2).ravel())  # as Rerun stores them; its own conversion is slow
+    data_type = rr.components.TransformMat3x3Batch._ARROW_DATATYPE
+    matrices = pa.FixedSizeListArray.from_arrays(by_columns, type=data_type)
+    return rr.Transform3D.columns(translation=lifted(np.asarray(means), z), mat3x3=matrices)
 
 
 def arrow_columns(origins: Array, vectors: Array, z: float) -> Any:

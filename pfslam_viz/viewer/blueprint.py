@@ -15,7 +15,7 @@ LONGEST = 60.0  # s that a replay takes at most, however long the recording
 SPEED_UP = 2.0  # times real time, unless that takes longer
 MAPS_IN_A_ROW = 3
 
-BACKGROUND = (112, 137, 137)
+BACKGROUND = (112, 137, 134)
 """What the viewer draws unknown cells in: a view looks the same inside and outside the map."""
 
 TRUTH = ["+ /world/truth/trajectory/**"]
@@ -31,11 +31,11 @@ def blueprint(recording: Recording, framing: Framing, runs: Sequence[str], live:
     several = len(runs) > 1
     tabs: list[rrb.Container | rrb.View] = [
         _compare(runs, recording, framing),
-        *(_filter(run, several, recording) for run in runs),
+        _each("Filter", [_filter(run, several, recording) for run in runs]),
     ]
     if recording.frames is not None:
-        tabs += [_texture(run, several, framing) for run in runs]
-    tabs += [_three_d(run, several, framing) for run in runs]
+        tabs.append(_each("Texture", [_texture(run, several, framing) for run in runs]))
+    tabs.append(_each("3-D", [_three_d(run, several, framing) for run in runs]))
     return rrb.Blueprint(
         rrb.Tabs(*tabs, _pages(), active_tab=0),
         rrb.BlueprintPanel(state="collapsed"),
@@ -49,6 +49,11 @@ def blueprint(recording: Recording, framing: Framing, runs: Sequence[str], live:
         auto_views=False,
         auto_layout=False,
     )
+
+
+def _each(name: str, parts: Sequence[rrb.Container | rrb.View]) -> rrb.Container | rrb.View:
+    """The one run's part, or the runs' parts as tabs."""
+    return parts[0] if len(parts) == 1 else rrb.Tabs(*parts, name=name)
 
 
 def _overhead(origin: str, aspect: float, name: str, contents: list[str], **more: object) -> rrb.Spatial2DView:
@@ -133,7 +138,7 @@ def _filter(run: str, several: bool, recording: Recording) -> rrb.Container:
             recording, "heading_drift", "Heading drift (°)", [f"+ /{Entities(run).plot('heading_drift')}"], legend=False
         ),
     ]
-    name = f"Filter: {run}" if several else "Filter"
+    name = run if several else "Filter"
     return rrb.Vertical(rrb.Horizontal(close_up, loupe), rrb.Horizontal(*plots), row_shares=[5, 2], name=name)
 
 
@@ -145,7 +150,7 @@ def _texture(run: str, several: bool, framing: Framing) -> rrb.Container:
         rrb.Spatial2DView(origin=camera, contents=["$origin"], name="Colour camera"),
         rrb.Spatial2DView(origin=disparity, contents=["$origin"], name="Depth camera (bright is near)"),
     )
-    name = f"Texture: {run}" if several else "Texture"
+    name = run if several else "Texture"
     view = _overhead(entities.OVERVIEW, framing.aspect, "Floor texture over the map", floor)
     return rrb.Horizontal(view, images, column_shares=[5, 2], name=name)
 
@@ -158,13 +163,13 @@ def _three_d(run: str, several: bool, framing: Framing) -> rrb.Spatial3DView:
     return rrb.Spatial3DView(
         origin="/world",
         contents=_of_run(run, *names) + reckoned + TRUTH,
-        name=f"3-D: {run}" if several else "3-D",
+        name=run if several else "3-D",
         background=BACKGROUND,
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital,
-            position=[x - 0.1 * reach, y - 0.75 * reach, 0.6 * reach],
-            look_target=[x, y - 0.13 * reach, 0.0],
+            position=[x - 0.08 * reach, y - 0.6 * reach, 0.52 * reach],
+            look_target=[x, y - 0.1 * reach, 0.0],
             eye_up=[0.0, 0.0, 1.0],
         ),
     )

@@ -29,7 +29,7 @@ class RunColor:
 
 RUNS: tuple[RunColor, ...] = (
     RunColor("blue", FILTER),
-    RunColor("amber", (230, 165, 0)),
+    RunColor("amber", (235, 172, 0)),
     RunColor("purple", (150, 40, 150)),
     RunColor("grey", (125, 125, 125)),
 )

@@ -11,7 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -61,7 +61,9 @@ class Sink:
 
     @property
     def recording(self) -> rr.RecordingStream:
-        """The stream to the first destination."""
+        """The stream to the first destination; one that leads nowhere when all are gone."""
+        if not self._destinations:
+            return rr.RecordingStream(APPLICATION_ID, default_enabled=False)
         return self._destinations[0].stream
 
     @property
@@ -126,20 +128,23 @@ class Sink:
     def _drop(self, destination: _Destination, why: str) -> None:
         rest = [d for d in self._destinations if d is not destination]
         to = f"; {self.path} is still being written" if self.path is not None else ""
-        if not rest:
-            rest = [_Destination("nowhere", rr.RecordingStream(APPLICATION_ID, default_enabled=False), live=False)]
         self._destinations = rest
         self.say(f"{destination.name} {why} in mid-run: the run goes on without it{to}")
         _close_in_time(destination.stream, 1.0)
 
+    def _close_files(self) -> None:
+        while self._closers:
+            self._closers.pop(0)()
+        for d in [d for d in self._destinations if not d.live]:
+            self._destinations.remove(d)
+            d.stream.flush()
+            d.stream.disconnect()
+
     def _close(self) -> None:
-        for action in self._closers:
-            action()
-        for d in sorted(self._destinations, key=lambda d: d.live):
-            if not d.live:
-                d.stream.flush()
-                d.stream.disconnect()
-            elif not _close_in_time(d.stream, CLOSE_SECONDS):
+        self._close_files()
+        while self._destinations:
+            d = self._destinations.pop()
+            if not _close_in_time(d.stream, CLOSE_SECONDS):
                 self.say(f"{d.name} did not take everything within {CLOSE_SECONDS:.0f} s")
 
 
@@ -172,6 +177,7 @@ def open_sinks(
     blueprint: Any = None,
     name: str | None = None,
     on_message: Callable[[str], None] | None = None,
+    hold: Callable[[], None] | None = None,
 ) -> Iterator[Sink]:
     """Open every destination that is asked for, and close each properly.
 
@@ -187,11 +193,13 @@ def open_sinks(
         recording_id: a new one when None.
         blueprint: a layout to send first.
         name: what the viewer calls the recording.
-        on_message: called with each of the sink's messages as it comes.
+        on_message: called with each of the sink's messages as it comes; by default they go to stderr.
+        hold: what keeps a server up once the run is over; by default it serves until Ctrl-C.
 
     Raises InputError for a file that cannot be written, an address that cannot be bound, a URL where nobody answers.
     """
-    sink = Sink(path=save, on_message=on_message)
+    sink = Sink(path=save, on_message=on_message or _to_stderr)
+    hold = hold or _until_interrupted
     identity = recording_id or str(uuid4())
 
     def stream(live: bool) -> rr.RecordingStream:
@@ -204,9 +212,10 @@ def open_sinks(
     def add(name: str, opened: rr.RecordingStream, live: bool) -> None:
         sink._destinations.append(_Destination(name, opened, live))
 
-    with ExitStack() as stack:
+    served: str | None = None
+    with ExitStack() as files:
         if save is not None:
-            sink._written = stack.enter_context(_kept_on_interrupt(save))
+            sink._written = files.enter_context(replaced(save))
             to_file = stream(live=False)
             to_file.save(sink._written)
             add(str(save), to_file, live=False)
@@ -217,7 +226,8 @@ def open_sinks(
         if serve:
             address = serve if isinstance(serve, str) else bind
             to_server = stream(live=True)
-            to_server.set_sinks(_server(address, sink))
+            server, served = _server(address, sink)
+            to_server.set_sinks(server)
             add("the server", to_server, live=True)
         if spawn:
             connect_to = _spawn(sink)
@@ -240,36 +250,39 @@ def open_sinks(
             yield sink
         except KeyboardInterrupt:
             sink._close()
+            files.close()  # without the exception: what was logged so far is kept
             raise
         except BaseException:
             sink._closers.clear()
             sink._close()
             raise
-        else:
-            sink._close()
+        sink._close_files()
+        files.close()
+        if served is not None:
+            sink.say(f"the run is over; still serving at {served} until Ctrl-C")
+            with suppress(KeyboardInterrupt):
+                hold()
+        sink._close()
 
 
-@contextmanager
-def _kept_on_interrupt(path: Path) -> Iterator[Path]:
-    """:func:`replaced`, but Ctrl-C moves the file into place too."""
-    interrupt: KeyboardInterrupt | None = None
-    with replaced(path) as temporary:
-        try:
-            yield temporary
-        except KeyboardInterrupt as raised:
-            interrupt = raised
-    if interrupt is not None:
-        raise interrupt
+def _to_stderr(message: str) -> None:
+    print(message, file=sys.stderr)
 
 
-def _server(address: str, sink: Sink) -> rr.GrpcServerSink:
+def _until_interrupted() -> None:
+    while True:
+        time.sleep(3600)
+
+
+def _server(address: str, sink: Sink) -> tuple[rr.GrpcServerSink, str]:
     port = PORT if _is_free(address, PORT) else _free_port(address)
     server = rr.GrpcServerSink(bind_ip=address, port=port)
     if address not in LOOPBACK:
         sink.say(f"warning: serving on {address}: everybody who can reach this machine's port {port} can watch")
     host = "127.0.0.1" if address in ("0.0.0.0", "::", *LOOPBACK) else address
-    sink.say(f"serving; watch with: rerun rerun+http://{host}:{port}/proxy")
-    return server
+    url = f"rerun+http://{host}:{port}/proxy"
+    sink.say(f"serving at {url}; watch with: rerun {url}")
+    return server, url
 
 
 def viewer_binary() -> Path:
@@ -311,11 +324,11 @@ def _spawn(sink: Sink, binary: Path | None = None) -> str:
 def _check_answers(url: str) -> None:
     parts = urlsplit(url)
     try:
-        port = parts.port
+        port, readable = parts.port, True
     except ValueError:
-        port = None
+        port, readable = None, False
     schemes = ("rerun", "rerun+http", "rerun+https")
-    if parts.scheme not in schemes or not parts.hostname or parts.path != "/proxy":
+    if not readable or parts.scheme not in schemes or not parts.hostname or parts.path != "/proxy":
         raise InputError(f"--connect {url}: write it as rerun+http://HOST:{PORT}/proxy")
     port = port or {"rerun+http": 80, "rerun+https": 443}.get(parts.scheme, PORT)
     if not _answers(parts.hostname, port, seconds=3.0):

@@ -35,6 +35,7 @@ LIVE_SECONDS = 0.25  # a watched run is shown at least this often
 MAP_FRAMES, TEXTURE_FRAMES, CAMERA_FRAMES, WALL_FRAMES = 200, 100, 200, 40
 MAP_BYTES, TEXTURE_BYTES = 200_000_000, 150_000_000  # uncompressed: what the viewer has to hold
 LINEAGES_EVERY = 10  # scans
+HISTORY_POINTS = 1000
 CORRECTION_SCALE = 10.0
 
 
@@ -243,7 +244,8 @@ class ReplayStream:
         if self._maps.is_due(step.index):
             self._maps.spend(step.index, self._log_maps(step, step.grid, step.dead_reckoning_grid))
             if estimate.history is not None:
-                self._log_lines("history", step, [estimate.history], TRAIL_Z)
+                thinned = estimate.history[:: block.stride(len(estimate.history), HISTORY_POINTS)]
+                self._log_lines("history", step, [np.vstack([thinned, estimate.history[-1:]])], TRAIL_Z)
         if self._lineages.is_due(step.index):
             self._lineages.spend(step.index, 0)
             self._log_lines("lineages", step, self._ancestry.segments(), LIDAR_Z)

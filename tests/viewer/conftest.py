@@ -1,6 +1,7 @@
 """A small simulated corridor and its Steps: what the viewer's tests log. No filter takes part."""
 
-from collections.abc import Iterator
+import subprocess
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +17,8 @@ from pfslam_viz.robot import CameraGeometry
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.slam.protocol import Estimate, LoopClosure, Match
 from pfslam_viz.step import Step
+from pfslam_viz.viewer.sinks import open_sinks, viewer_binary
+from pfslam_viz.viewer.stream import ReplayStream, StreamOptions
 
 SCANS, BEAMS, PARTICLES = 60, 91, 40
 LENGTH, HALF_WIDTH = 8.0, 1.5  # m: a corridor along x, closed at both ends
@@ -157,3 +160,84 @@ def corridor(tmp_path_factory: pytest.TempPathFactory) -> Corridor:
 def plain_corridor(tmp_path_factory: pytest.TempPathFactory) -> Corridor:
     """What the paper's filter gives: particles and maps."""
     return _corridor(tmp_path_factory.mktemp("plain"), rich=False)
+
+
+@dataclass
+class Recorded:
+    """A recording file, what wrote it, and the Steps that went in."""
+
+    path: Path
+    corridor: Corridor
+    steps: list[Step]
+    left_out: list[str]
+    blocks: object
+
+
+def record(corridor: Corridor, path: Path, options: StreamOptions | None = None) -> Recorded:
+    """Log the corridor's run to a file."""
+    with open_sinks(save=path, name="corridor") as sink:
+        stream = ReplayStream(corridor.recording, corridor.config, sink, options)
+        steps = []
+        for step in corridor.steps():
+            stream.log(step)
+            steps.append(step)
+        stream.finish(corridor.result(steps))
+    return Recorded(path, corridor, steps, stream.left_out, stream)
+
+
+@pytest.fixture(scope="session")
+def recorded(corridor: Corridor, tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    """The corridor with everything, as a file."""
+    return record(corridor, tmp_path_factory.mktemp("recorded") / "corridor.rrd")
+
+
+@pytest.fixture(scope="session")
+def make_recording() -> Callable[..., Recorded]:
+    """A function that records a corridor: (corridor, path, options)."""
+    return record
+
+
+@dataclass
+class Readable:
+    """A .rrd read back: rows by entity, and what ``rerun rrd verify`` says."""
+
+    path: Path
+
+    def __post_init__(self) -> None:
+        from rerun.chunk import RrdReader
+
+        self._reader = RrdReader(str(self.path))
+        self.entities = {chunk.entity_path.lstrip("/") for chunk in self._reader.stream()}
+
+    def rows(self, entity: str) -> list[dict]:
+        """Every row of an entity: ``step`` (None where static) and its components by their short names."""
+        out = []
+        for chunk in self._reader.stream().filter(content=f"/{entity}"):
+            if chunk.entity_path.lstrip("/") != entity:
+                continue
+            for row in chunk.to_record_batch().to_pylist():
+                values = {name.split(":")[-1]: value for name, value in row.items() if "RowId" not in name}
+                values.setdefault("step", None)
+                out.append(values)
+        return out
+
+    def temporal(self, entity: str) -> list[dict]:
+        """The rows that have a step, in its order; the one logged last where several share it."""
+        rows = {row["step"]: row for row in self.rows(entity) if row["step"] is not None}
+        return [rows[step] for step in sorted(rows)]
+
+    def static(self, entity: str, component: str) -> object:
+        """The last static value of a component."""
+        return [row[component] for row in self.rows(entity) if row["step"] is None and row.get(component)][-1]
+
+    def verify(self) -> str:
+        done = subprocess.run(
+            [viewer_binary(), "rrd", "verify", self.path], capture_output=True, text=True, check=False
+        )
+        return done.stdout + done.stderr
+
+
+@pytest.fixture(scope="session")
+def read_back() -> type[Readable]:
+    """Reads a .rrd file."""
+    return Readable

@@ -1,0 +1,34 @@
+import numpy as np
+
+from pfslam_viz.viewer.ancestry import Ancestry
+
+
+def poses(*x):
+    return np.array([[value, 0.0, 0.0] for value in x])
+
+
+def test_counts_the_founders_that_still_have_descendants():
+    ancestry = Ancestry()
+    everyone = np.arange(4)
+    assert ancestry.add(poses(0, 1, 2, 3), everyone) == 4
+    assert ancestry.add(poses(0, 1, 2, 3), np.array([0, 0, 1, 2])) == 3  # founder 3 died out
+    assert ancestry.add(poses(0, 1, 2, 3), np.array([0, 0, 1, 1])) == 1  # all descend from founder 0 now
+    assert ancestry.add(poses(0, 1, 2, 3), np.array([0, 1, 2, 2])) == 3  # counted anew from the scan before
+
+
+def test_segments_lead_from_ancestors_to_descendants():
+    ancestry = Ancestry()
+    ancestry.add(poses(0, 10), np.arange(2))
+    ancestry.add(poses(1, 11), np.arange(2))
+    ancestry.add(poses(2, 3), np.array([0, 0]))  # both from the first particle
+    segments = ancestry.segments()[:, :, 0]
+    assert sorted(map(tuple, segments.tolist())) == [(0.0, 1.0), (1.0, 2.0), (1.0, 3.0)]
+
+
+def test_another_number_of_particles_is_followed_and_unknown_parents_begin_anew():
+    ancestry = Ancestry()
+    ancestry.add(poses(0, 1, 2), np.arange(3))
+    assert ancestry.add(poses(0, 1), np.array([2, 0])) == 2
+    assert ancestry.add(poses(0, 1, 2), np.array([5, 1, 0])) == 3  # there is no particle 5
+    assert len(ancestry.segments()) == 0
+    assert len(Ancestry().segments()) == 0

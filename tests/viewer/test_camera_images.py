@@ -1,0 +1,44 @@
+import cv2
+import numpy as np
+
+from pfslam_viz.recordings.recording import Frames
+from pfslam_viz.robot import CameraGeometry
+from pfslam_viz.viewer.camera_images import CameraImages
+
+
+def frames(folder, count):
+    paths = []
+    for k in range(count):
+        path = folder / f"{k}.png"
+        cv2.imwrite(str(path), np.full((480, 640, 3), 10 * k, np.uint8))
+        paths.append(path)
+    paths[1] = None  # a stamp without a file
+    stamps = np.arange(count, dtype=float)
+    return Frames(stamps, tuple(paths), np.zeros(0), (), CameraGeometry(position=(0, 0, 0)))
+
+
+def shade(contents):
+    return int(cv2.imdecode(np.frombuffer(contents, np.uint8), cv2.IMREAD_GRAYSCALE).mean().round() / 10)
+
+
+def seen(images, stamps):
+    return [(stamp, kind, shade(jpeg)) for stamp in stamps for kind, jpeg in images.due(stamp)]
+
+
+def test_each_image_comes_at_its_moment(tmp_path):
+    images = CameraImages(frames(tmp_path, 6), (0.0, 4.0), budget=100)
+    found = seen(images, [0.0, 0.5, 1.5, 2.5, 4.0, 9.0])
+    images.close()
+    assert found == [(0.0, "color", 0), (2.5, "color", 2), (4.0, "color", 4)]  # 3 was passed over, 5 comes too late
+    assert images.logged == 3 and images.available == 4
+
+
+def test_the_budget_thins_them(tmp_path):
+    images = CameraImages(frames(tmp_path, 10), (0.0, 9.0), budget=3)
+    found = seen(images, np.arange(10.0))
+    images.close()
+    assert [k for _, _, k in found] == [0, 4, 7]
+
+
+def test_no_frames_no_images():
+    assert list(CameraImages(None, (0.0, 1.0), 5).due(0.5)) == []

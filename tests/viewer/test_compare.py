@@ -1,0 +1,74 @@
+import re
+
+import numpy as np
+import pytest
+
+from pfslam_viz.config import Config
+from pfslam_viz.errors import InputError
+from pfslam_viz.viewer import compare as module
+from pfslam_viz.viewer.compare import compare, run_names
+from pfslam_viz.viewer.sinks import open_sinks
+
+
+def config(name):
+    return Config(name=name, particles=40)
+
+
+def test_runs_get_distinct_names_fit_for_paths():
+    names = run_names([config("paper"), config("paper"), config("default,particles=50"), config("truth"), config("/")])
+    assert names == ["paper", "paper_2", "default_particles_50", "truth_run", "run"]
+
+
+@pytest.fixture
+def replays(corridor, monkeypatch):
+    """Replay, but it yields the corridor's made-up Steps."""
+    made = []
+
+    class Replay:
+        def __init__(self, recording, config):
+            self.config, self.steps = config, []
+            made.append(self)
+
+        def __iter__(self):
+            for step in corridor.steps():
+                self.steps.append(step)
+                yield step
+
+        def result(self):
+            return corridor.result(self.steps)
+
+    monkeypatch.setattr(module, "Replay", Replay)
+    return made
+
+
+def test_two_runs_share_a_file(corridor, replays, read_back, tmp_path):
+    path, seen = tmp_path / "cmp.rrd", []
+    with open_sinks(save=path) as sink:
+        on_step = lambda name, step: seen.append((name, step.index))  # noqa: E731
+        results = compare(corridor.recording, [config("a"), config("b")], sink, on_step=on_step)
+    n = len(corridor.recording)
+    assert seen == [(name, k) for k in range(n) for name in ("a", "b")]  # side by side
+    assert [len(result.stamps) for result in results] == [n, n]
+    file = read_back(path)
+    assert "1 file verified" in file.verify()
+    for entity in ("world/a/particles", "world/b/particles", "plots/n_eff/a", "plots/n_eff/b", "plots/error/b"):
+        assert len(file.temporal(entity)) == n, entity
+    assert len(file.rows("world/dead_reckoning/robot")) == n  # once, not once a run
+    named = re.findall(r"\| `/(.*?)` \|", file.static("help", "text")[0])
+    assert {"world/a/map", "world/b/map"} < set(named)
+    colors = [file.static(f"plots/n_eff/{run}", "colors")[0] for run in ("a", "b")]
+    assert colors[0] != colors[1]
+
+
+def test_it_stops_between_scans(corridor, replays, read_back, tmp_path):
+    with open_sinks(save=tmp_path / "cmp.rrd") as sink:
+        stopped = iter([False] * 5 + [True])
+        results = compare(corridor.recording, [config("a"), config("b")], sink, stopped=lambda: next(stopped))
+    assert [len(result.stamps) for result in results] == [5, 5]
+    rows = read_back(tmp_path / "cmp.rrd").temporal("world/b/robot")
+    np.testing.assert_allclose(rows[4]["translation"][0][:2], replays[1].steps[4].estimate.best[:2], atol=1e-6)
+
+
+def test_more_runs_than_colours_are_refused(corridor, tmp_path):
+    with pytest.raises(InputError, match="at most"), open_sinks(save=tmp_path / "x.rrd") as sink:
+        compare(corridor.recording, [config(str(k)) for k in range(9)], sink)

@@ -1,0 +1,55 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pfslam_viz.viewer.framing import Framing, aspect_of, overhead_camera, overhead_size
+
+
+def test_a_box_gets_a_margin_and_the_aspect():
+    framing = Framing.of_box(np.array([0.0, 0.0]), np.array([4.0, 8.0]), aspect=1.5)
+    assert framing.center == (2.0, 4.0)
+    assert framing.height == pytest.approx(10.0)  # 8 m and a metre on either side
+    assert framing.width == pytest.approx(15.0)
+    assert framing.aspect == pytest.approx(1.5)
+
+
+def test_the_recording_is_framed_before_the_run(corridor):
+    framing = Framing.of_recording(corridor.recording)
+    x, y = framing.center
+    # dead reckoning errs by less than half a metre here: the corridor is 8 m by 3 m from (-1, -1.5)
+    assert x == pytest.approx(3.0, abs=0.6)
+    assert y == pytest.approx(0.0, abs=0.6)
+    assert 9.0 < framing.width < 11.5
+
+
+def test_results_are_framed_by_the_filter_and_dead_reckoning_may_widen_it_a_little(corridor):
+    result = corridor.result(list(corridor.steps()))
+    framing = Framing.of_results([result])
+    far = np.array([[0.0, 0.0, 0.0], [500.0, 0.0, 0.0]])
+    widened = Framing.of_results([replace(result, dead_reckoning=far)])
+    assert framing.width + 1 < widened.width < 1.5 * framing.width
+    assert widened.aspect == pytest.approx(framing.aspect)
+
+
+@pytest.mark.parametrize("aspect", [1.0, 1.4])
+def test_the_overhead_camera_sees_the_floor_as_a_map(aspect):
+    transform, pinhole = overhead_camera((3.0, -2.0), 10.0, aspect)
+    rotation = np.array(transform.mat3x3.as_arrow_array().to_pylist()[0]).reshape(3, 3).T  # stored by columns
+    position = np.array(transform.translation.as_arrow_array().to_pylist()[0])
+    k = np.array(pinhole.image_from_camera.as_arrow_array().to_pylist()[0]).reshape(3, 3).T
+    width, height = overhead_size(aspect)
+
+    def pixel(x, y):
+        u, v, w = k @ rotation.T @ (np.array([x, y, 0.0]) - position)
+        assert w > 0
+        return u / w, v / w
+
+    assert pixel(3.0, -2.0) == pytest.approx((width / 2, height / 2))
+    assert pixel(3.0, 3.0) == pytest.approx((width / 2, 0.0), abs=1e-3)  # the top edge is 5 m up
+    assert pixel(3.0 + 5.0 * aspect, -2.0) == pytest.approx((width, height / 2))  # x to the right
+
+
+def test_more_panels_are_narrower():
+    assert aspect_of(2) == 1.4
+    assert aspect_of(4) == pytest.approx(0.7)

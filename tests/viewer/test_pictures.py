@@ -1,0 +1,123 @@
+import cv2
+import numpy as np
+import pytest
+
+from pfslam_viz.config import MapConfig
+from pfslam_viz.slam.occupancy_grid import OccupancyGrid
+from pfslam_viz.viewer import pictures
+
+
+def unpacked(archetype):
+    """Cells, cell size and lower-left corner of a GridMap."""
+    form = archetype.format.as_arrow_array().to_pylist()[0]
+    data = np.array(archetype.data.as_arrow_array().to_pylist()[0], np.uint8)
+    corner = archetype.translation.as_arrow_array().to_pylist()[0]
+    return data.reshape(form["height"], form["width"], -1).squeeze(), corner
+
+
+def test_occupancy_is_counted_as_ros_does():
+    log_odds = np.array([[0.0, np.log(4), -np.log(4), 50.0, -50.0]], np.float32)
+    values = pictures.occupancy(log_odds)[0]
+    assert values[0] == 255
+    assert values[1:3] == pytest.approx([80, 20], abs=1)  # 4 to 1, and 1 to 4
+    assert list(values[3:]) == [100, 0]
+
+
+def test_a_marked_cell_lies_where_it_is_the_right_way_up():
+    grid = OccupancyGrid(MapConfig(cell=0.5))
+    for (x, y), value in {(2.25, 3.25): 9.0, (-1.25, 0.75): -9.0}.items():
+        row, column = grid.cells([[x, y]])[0]
+        grid.log_odds[row, column] = value
+    drawn, size = pictures.grid_map(grid)
+    cells, corner = unpacked(drawn)
+    assert cells.shape == (6, 8) and size == 48  # x from -1.5 to 2.5, y from 0.5 to 3.5
+    assert corner[:2] == pytest.approx([-1.5, 0.5])
+    assert cells[0, 7] == 100  # top right
+    assert cells[5, 0] == 0  # bottom left
+    assert np.count_nonzero(cells == 255) == 46
+
+
+def test_an_empty_map_is_one_unknown_cell():
+    cells, _ = unpacked(pictures.grid_map(OccupancyGrid(MapConfig()))[0])
+    assert cells == 255
+
+
+def test_walls_stand_on_the_occupied_cells():
+    grid = OccupancyGrid(MapConfig(cell=0.5))
+    for x in (1.25, 1.75, 2.25, 3.75):
+        row, column = grid.cells([[x, -0.75]])[0]
+        grid.occupied[row, column] = 1
+    boxes = pictures.walls(grid)
+    centers = np.array(
+        boxes.translations.as_arrow_array().to_pylist()
+        if hasattr(boxes, "translations")
+        else boxes.centers.as_arrow_array().to_pylist()
+    )
+    halves = np.array(boxes.half_sizes.as_arrow_array().to_pylist())
+    np.testing.assert_allclose(centers[:, :2], [[1.75, -0.75], [3.75, -0.75]], atol=1e-6)
+    np.testing.assert_allclose(halves[:, :2], [[0.75, 0.25], [0.25, 0.25]], atol=1e-6)
+    np.testing.assert_allclose(centers[:, 2], halves[:, 2])  # from the floor up
+
+
+class Texture:
+    """The part of a FloorTexture that is drawn."""
+
+    cell, shape, lower_left = 0.5, (4, 4), (-1.0, -1.0)
+
+    def __init__(self):
+        self.color = np.zeros((4, 4, 3), np.uint8)
+        self.weight = np.zeros((4, 4), np.float32)
+        self.color[1, 2], self.weight[1, 2] = (10, 20, 30), 1.0
+        self.color[2, 1], self.weight[2, 1] = (40, 50, 60), 2.0
+
+
+def test_texture_is_transparent_where_nothing_was_seen():
+    drawn, size = pictures.texture_map(Texture())
+    cells, corner = unpacked(drawn)
+    assert size == 16
+    np.testing.assert_array_equal(cells[0], [[0, 0, 0, 0], [10, 20, 30, 255]])
+    np.testing.assert_array_equal(cells[1], [[40, 50, 60, 255], [0, 0, 0, 0]])
+    assert corner[:2] == pytest.approx([-0.5, -0.5])
+
+
+def due_steps(budget, steps, size):
+    out = []
+    for step in range(steps):
+        if budget.is_due(step):
+            out.append(step)
+            budget.spend(step, size(step))
+    return out
+
+
+def test_frames_are_spread_over_the_recording():
+    steps = due_steps(pictures.FrameBudget(1000, 100, 10**9), 1000, lambda step: 1)
+    assert 95 <= len(steps) <= 100
+    assert max(np.diff(steps)) <= 12 and steps[0] == 0 and steps[-1] > 980
+
+
+def test_a_map_that_grows_is_shown_less_often_and_stays_within_bytes():
+    steps = due_steps(pictures.FrameBudget(1000, 200, 10_000), 1000, lambda step: 50 + step)
+    assert sum(50 + step for step in steps) <= 10_000 + 1050
+    assert steps[-1] > 800 and len(steps) > 10
+
+
+def test_a_fixed_stride_is_kept():
+    assert due_steps(pictures.FrameBudget(10, 2, 1, every=3), 10, lambda step: 100) == [0, 3, 6, 9]
+
+
+def test_camera_images_become_small_jpegs(tmp_path):
+    color, disparity = tmp_path / "c.png", tmp_path / "d.png"
+    cv2.imwrite(str(color), np.full((480, 640, 3), (30, 60, 200), np.uint8))
+    raw = np.full((480, 640), 2047, np.uint16)  # the Kinect's "no depth"
+    raw[:, :200], raw[:, 200:400] = 500, 900  # 0.58 m and 1.79 m: near and far
+    cv2.imwrite(str(disparity), raw)
+    image = cv2.imdecode(np.frombuffer(pictures.color_jpeg(color), np.uint8), cv2.IMREAD_COLOR)
+    assert image.shape == (240, 320, 3)
+    np.testing.assert_allclose(image[120, 160], (30, 60, 200), atol=4)
+    image = cv2.imdecode(np.frombuffer(pictures.disparity_jpeg(disparity), np.uint8), cv2.IMREAD_COLOR)
+    near, far, none = (int(image[120, column].sum()) for column in (50, 150, 280))
+    assert near > far > none
+    assert none < 15
+    (tmp_path / "broken.png").write_bytes(b"not an image")
+    assert pictures.color_jpeg(tmp_path / "broken.png") is None
+    assert pictures.disparity_jpeg(tmp_path / "absent.png") is None

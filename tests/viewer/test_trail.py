@@ -1,0 +1,18 @@
+import numpy as np
+
+from pfslam_viz.viewer.trail import Trail
+
+
+def test_done_and_open_are_exactly_the_points_so_far():
+    poses = np.arange(30.0).reshape(10, 3)
+    trail = Trail(10)  # a done strip every 3 scans
+    for block in (poses[:4], poses[4:5], poses[5:]):
+        first = int(block[0, 0] / 3)
+        finished, strips = trail.extend(list(block))
+        for row, strip in enumerate(strips):
+            k = first + row
+            start = (k // 3) * 3
+            np.testing.assert_array_equal(strip, poses[start : k + 1, :2])
+        assert [first + row for row, _ in finished] == [k for k in range(first, first + len(block)) if k % 3 == 0]
+        for row, strip in finished:
+            np.testing.assert_array_equal(strip, poses[: first + row + 1, :2])
