@@ -37,12 +37,12 @@ class Variant:
     @classmethod
     def parse(cls, text: str) -> "Variant":
         """A label of VARIANTS, or ``label: KEY=VALUE ...``."""
-        label, colon, settings = text.partition(":")
-        if colon:
-            return cls(label.strip(), tuple(settings.split()))
         for variant in VARIANTS:
             if variant.label == text:
                 return variant
+        label, colon, settings = text.partition(":")
+        if colon:
+            return cls(label.strip(), tuple(settings.split()))
         known = ", ".join(f"'{variant.label}'" for variant in VARIANTS)
         sys.exit(f"no variant is called '{text}'; there are {known}, or write 'label: KEY=VALUE ...'")
 
@@ -57,7 +57,7 @@ VARIANTS = (
     Variant("paper", config="paper"),
     Variant("paper, resampling under N/2", ("resampling.policy=n_eff",), "paper"),
     Variant("paper, noise scaled by motion too", ("resampling.policy=n_eff", "motion.model=scaled"), "paper"),
-    Variant("fast: one map, scan matching", config="fast"),
+    Variant("fast (one map, scan matching)", config="fast"),
     Variant("default"),
     Variant("default, not smoothed", ("smoothing.enabled=false",)),
     Variant("default, not smoothed, one particle", ("smoothing.enabled=false", "particles=1")),
