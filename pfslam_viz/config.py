@@ -121,6 +121,24 @@ class RaoBlackwellizedConfig(_Section):
     least_angle: Positive = Field(0.002, description="odometry: rad of error at least")
 
 
+class SmoothingConfig(_Section):
+    """The pose graph over the key scans, which settles the whole trajectory in hindsight."""
+
+    enabled: bool = True
+    rounds: int = Field(3, ge=1, le=20, description="matching all neighbouring key scans and relaxing the graph")
+    radius: Positive = Field(2.0, description="m; key scans this near are neighbours")
+    neighbours: int = Field(3, ge=0, description="earlier visits that a key scan is matched with")
+    apart: int = Field(30, ge=1, description="key scans between two visits")
+    overlap: float = Field(0.4, ge=0, le=1, description="share of matched end points below which a match is refused")
+    distance: Positive = Field(0.05, description="m; mean distance from the walls above which a match is refused")
+    temper: Positive = Field(0.1, description="exponent of a match's likelihood")
+    noise_distance: Positive = Field(0.1, description="odometry: m of error per m driven")
+    noise_angle: Positive = Field(0.2, description="odometry: rad of error per rad turned")
+    noise_drift: Positive = Field(0.05, description="odometry: rad of error per m driven")
+    least: Positive = Field(0.01, description="odometry: m and rad of error at least")
+    scale: Positive = Field(5.0, description="sigmas beyond which a match loses its say")
+
+
 class TextureConfig(_Section):
     """The floor texture map, section K."""
 
@@ -142,6 +160,7 @@ class Config(_Section):
     map: MapConfig = MapConfig()
     resampling: ResamplingConfig = ResamplingConfig()
     rao_blackwellized: RaoBlackwellizedConfig = RaoBlackwellizedConfig()
+    smoothing: SmoothingConfig = SmoothingConfig()
     texture: TextureConfig = TextureConfig()
 
 

@@ -28,6 +28,11 @@ class BestMap(OccupancyGrid):
         """From now on this is map ``index``, as it will be when looked at."""
         self._index, self._stale = index, True
 
+    def show(self, maps: TileMaps, index: int) -> None:
+        """From now on this is a map of other ``maps``."""
+        self._maps = maps
+        self.follow(index)
+
     def __getattribute__(self, name: str) -> object:
         if name in ("log_odds", "occupied", "origin", "shape", "lower_left", "_marks") and super().__getattribute__("_stale"):
             self._refresh()

@@ -43,6 +43,14 @@ class Constraints:
         )
 
 
+def turned(information: Array, heading: Array | float) -> Array:
+    """Information (..., 3, 3) on a pose's increments, brought from the reference's axes to the pose's own ``heading``."""
+    c, s = np.cos(heading), np.sin(heading)
+    r = np.zeros((*np.shape(heading), 3, 3))
+    r[..., 0, 0], r[..., 0, 1], r[..., 1, 0], r[..., 1, 1], r[..., 2, 2] = c, -s, s, c, 1.0
+    return np.swapaxes(r, -1, -2) @ information @ r
+
+
 def residuals(poses: Array, constraints: Constraints) -> Array:
     """(k, 3) by how much the poses (n, 3) miss every constraint, in the frame of the measured pose."""
     return geometry.between(

@@ -23,17 +23,18 @@ def _log_posterior(
     points: Floats,
     temper: float,
     guess: Floats,
-    deviation: Floats,
+    prior: Floats,
     x: float,
     y: float,
     heading: float,
 ) -> float:
-    """Tempered log-likelihood of the scan plus the odometry's log-prior, which is diagonal in the robot's frame."""
+    """Tempered log-likelihood of the scan plus the log-prior; ``prior`` (3, 3) is its information in the guess's frame."""
     c, s = math.cos(guess[2]), math.sin(guess[2])
     dx, dy = x - guess[0], y - guess[1]
-    ahead, aside, turn = (c * dx + s * dy) / deviation[0], (c * dy - s * dx) / deviation[1], (heading - guess[2]) / deviation[2]
-    prior = -0.5 * (ahead * ahead + aside * aside + turn * turn)
-    return temper * agreement(table, field, origin, cell, points, x, y, heading) + prior
+    a, b, t = c * dx + s * dy, c * dy - s * dx, heading - guess[2]
+    square = prior[0, 0] * a * a + prior[1, 1] * b * b + prior[2, 2] * t * t
+    square += 2.0 * (prior[0, 1] * a * b + prior[0, 2] * a * t + prior[1, 2] * b * t)
+    return temper * agreement(table, field, origin, cell, points, x, y, heading) - 0.5 * square
 
 
 @njit(cache=True, nogil=True)
@@ -45,7 +46,7 @@ def propose(
     points: Floats,
     temper: float,
     guesses: Floats,
-    deviation: Floats,
+    prior: Floats,
     steps: Floats,
     halvings: int,
     normals: Floats,
@@ -53,7 +54,7 @@ def propose(
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Match and sample for every particle.
 
-    ``guesses`` (N, 3) are the poses by odometry, ``deviation`` (3,) its standard deviations ahead, aside and in heading.
+    ``guesses`` (N, 3) are the poses by motion alone, ``prior`` (3, 3) its information in the frame of the guess.
     Coordinate search starts with ``steps`` (2,) m and rad and halves them ``halvings`` times; ``normals`` (N, S, 3) are
     standard normal draws scaled by ``spread`` (2,) m and rad round the optimum. Returns the optimum (N, 3), the mean
     (N, 3) and the covariance (N, 3, 3) of the posterior round it, and the log-evidence (N,).
@@ -66,7 +67,7 @@ def propose(
     for p in range(n):
         table, guess = tables[p], guesses[p]
         x, y, heading = guess[0], guess[1], guess[2]
-        best = _log_posterior(table, field, origin, cell, points, temper, guess, deviation, x, y, heading)
+        best = _log_posterior(table, field, origin, cell, points, temper, guess, prior, x, y, heading)
         step, turn = steps[0], steps[1]
         for _ in range(halvings + 1):
             improved = True
@@ -79,7 +80,7 @@ def propose(
                     nx = x + sign * step if move < 2 else x
                     ny = y + sign * step if 2 <= move < 4 else y
                     nh = heading + sign * turn if move >= 4 else heading
-                    value = _log_posterior(table, field, origin, cell, points, temper, guess, deviation, nx, ny, nh)
+                    value = _log_posterior(table, field, origin, cell, points, temper, guess, prior, nx, ny, nh)
                     if value > best:
                         best, x, y, heading = value, nx, ny, nh
                         improved = True
@@ -93,7 +94,7 @@ def propose(
             drawn[k, 1] = y + spread[0] * normals[p, k, 1]
             drawn[k, 2] = heading + spread[1] * normals[p, k, 2]
             logs[k] = _log_posterior(
-                table, field, origin, cell, points, temper, guess, deviation, drawn[k, 0], drawn[k, 1], drawn[k, 2]
+                table, field, origin, cell, points, temper, guess, prior, drawn[k, 0], drawn[k, 1], drawn[k, 2]
             )
             top = max(top, logs[k])
         total = mx = my = mh = 0.0

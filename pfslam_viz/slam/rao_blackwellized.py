@@ -11,9 +11,18 @@ from pfslam_viz.slam.history import History
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.slam.proposal import propose, spread_points
 from pfslam_viz.slam.protocol import Estimate, Match, Scan
+from pfslam_viz.slam.pose_graph import turned
+from pfslam_viz.slam.scan_matching import Matches, ScanStore
+from pfslam_viz.slam.smoothing import smooth
 from pfslam_viz.slam.tile_maps import TileMaps
 
 Array = NDArray[np.float64]
+
+
+GATES = np.array([0.5, 0.3, 0.2, 0.1])  # m: greatest distance of correspondences, iteration after iteration
+
+
+DOUBT = 4.0  # how much wider than its noise the odometry's prior is while a scan is matched: wheels also slip
 
 
 class RaoBlackwellizedFilter:
@@ -34,6 +43,9 @@ class RaoBlackwellizedFilter:
         self._parents = self._drawn = np.arange(n)
         self._maps = TileMaps(n, self._settings)
         self._history = History(n)
+        self._scans: ScanStore | None = None
+        self._key_particles = self._particles
+        self._smoothed: Array | None = None
         self._moved = np.zeros(3)  # odometry since the last key scan
         self._driven = self._turned = 0.0
         self._keyed = self._resampled = False
@@ -64,6 +76,8 @@ class RaoBlackwellizedFilter:
         first = len(self._history) == 0
         self._keyed = first or self._driven >= s.update_distance or self._turned >= s.update_angle
         self._match = None
+        if self._keyed:
+            self._remember(scan)
         if self._keyed and not first:
             self._propose(scan)
         weights = np.exp(self._log_weights - self._log_weights.max())
@@ -76,15 +90,10 @@ class RaoBlackwellizedFilter:
 
     def _propose(self, scan: Scan) -> None:
         s, n = self._settings, len(self._particles)
-        deviation = np.array(
-            [
-                s.least_distance + s.noise_distance * self._driven,
-                s.least_distance + s.noise_distance * self._driven,
-                s.least_angle + s.noise_angle * self._turned + s.noise_drift * self._driven,
-            ]
-        )
-        noise = self._rng.standard_normal((n, 3)) * deviation
-        guesses = geometry.compose(self._particles, noise)
+        increment, covariance, match = self._match_last(scan)
+        root = np.linalg.cholesky(covariance)
+        noise = self._rng.standard_normal((n, 3)) @ root.T
+        guesses = geometry.compose(self._key_particles, increment + noise)
         points = spread_points(scan.points, scan.origin, s.max_range, s.match_spacing, s.match_beams)
         optima, means, covariances, evidence = propose(
             self._maps.table,
@@ -94,7 +103,7 @@ class RaoBlackwellizedFilter:
             points,
             s.temper,
             guesses,
-            deviation,
+            turned(np.linalg.inv(covariance), increment[2]),
             np.array([s.search_distance, s.search_angle]),
             s.search_halvings,
             self._rng.standard_normal((n, s.samples, 3)),
@@ -104,7 +113,39 @@ class RaoBlackwellizedFilter:
         self._particles[:, 2] = geometry.wrap(self._particles[:, 2])
         self._log_weights += evidence
         k = int(np.argmax(self._log_weights))
-        self._match = Match(correction=geometry.between(before[k], means[k]), score=0.0)
+        self._match = Match(correction=geometry.between(before[k], means[k]), score=match.overlap[0])
+
+    def _remember(self, scan: Scan) -> None:
+        near = np.hypot(*(scan.points - scan.origin).T) <= self._settings.max_range
+        if self._scans is None:
+            self._scans = ScanStore(scan.origin)
+        self._scans.add(scan.points[near])
+
+    def _match_last(self, scan: Scan) -> tuple[Array, Array, Matches]:
+        """The motion since the last key scan, odometry and scans fused: increment (3,) and its covariance (3, 3)."""
+        s = self._settings
+        deviation = np.array(
+            [
+                s.least_distance + s.noise_distance * self._driven,
+                s.least_distance + s.noise_distance * self._driven,
+                s.least_angle + s.noise_angle * self._turned + s.noise_drift * self._driven,
+            ]
+        )
+        prior = deviation**-2
+        last = len(self._scans) - 1
+        match = self._scans.match(
+            np.array([last - 1]),
+            np.array([last]),
+            self._moved[None],
+            prior / DOUBT**2,
+            GATES,
+            stride=1 + len(scan.points) // 360,
+        )
+        information = np.diag(prior)
+        if match.overlap[0] < 0.25:
+            return self._moved, np.diag(deviation**2), match
+        information = information + s.scan_temper * match.information[0]
+        return match.poses[0], np.linalg.inv(information), match
 
     def update_map(self, scan: Scan) -> None:
         """Every particle writes a used scan into its own map."""
@@ -124,6 +165,9 @@ class RaoBlackwellizedFilter:
             self._log_weights = np.zeros(len(weights))
             self._maps.resample(self._drawn)
             self._history.resample(self._drawn)
+        if self._keyed:
+            self._key_particles = self._particles
+        if self._resampled:
             self._grid.follow(int(np.argmax(self._drawn == np.argmax(weights))))
 
     def estimate(self) -> Estimate:
@@ -145,8 +189,20 @@ class RaoBlackwellizedFilter:
         )
 
     def trajectory(self) -> Array:
-        """(n, 3) the most likely particle's whole history."""
-        return self._history.trajectory(self._history.key_poses(int(np.argmax(self._log_weights))))
+        """(n, 3) the most likely particle's whole history, smoothed once all scans are in."""
+        return self._history.trajectory(self._key_poses())
 
     def finish(self) -> None:
-        """Nothing yet."""
+        """Settle the most likely particle's trajectory in hindsight, and draw its map anew."""
+        if not self.config.smoothing.enabled or self._scans is None:
+            return
+        self._smoothed = smooth(self._scans, self._key_poses(), self._history.arrivals(), self.config.smoothing)
+        maps = TileMaps(1, self._settings)
+        for k, pose in enumerate(self._smoothed):
+            maps.draw(pose[None], self._scans.points_of(k), self._scans.sensor)
+        self._grid.show(maps, 0)
+
+    def _key_poses(self) -> Array:
+        if self._smoothed is not None:
+            return self._smoothed
+        return self._history.key_poses(int(np.argmax(self._log_weights)))

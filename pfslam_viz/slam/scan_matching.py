@@ -11,28 +11,113 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pfslam_viz.slam.pose_graph import Array, Indices
-
+Array = NDArray[np.float64]
 Floats = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+WALL_REACH = 0.3  # m: neighbours that tell a wall's direction
+OPEN = 0.03  # a direction is open where the walls' normals lean into it by less than about 10 degrees
+NOISE = 0.02  # m: how far an end point may lie off its wall before it loses its say
 
 
-@dataclass(slots=True)
 class ScanStore:
-    """Key scans, one after the other: points in the robot's frame with the normals of the walls they lie on.
+    """Key scans, one after the other: end points with the normals of the walls they lie on, in the robot's frame.
 
-    Scan k owns rows ``first[k]`` to ``first[k + 1]``; ``bearing`` is increasing in a scan, seen from the lidar.
+    Attributes:
+        sensor: (2,) the lidar in the robot's frame.
+        points, normals, bearings: (p, 2) m, (p, 2), (p,) rad; a normal is zero where no wall fits, bearings are seen
+            from the lidar and increase within a scan.
+        first: scan k owns rows ``first[k]`` to ``first[k + 1]``.
     """
 
-    sensor: Array
-    points: Array  # (p, 2) m
-    normals: Array  # (p, 2), zero where no wall could be fitted
-    bearings: Array  # (p,) rad
-    first: Indices  # (scans + 1,)
+    def __init__(self, sensor: Array) -> None:
+        self.sensor = sensor
+        self._rows = np.zeros((1024, 5))
+        self._first = np.zeros(64, np.int64)
+        self._count = 0
 
-    @classmethod
-    def empty(cls, sensor: Array) -> "ScanStore":
-        """No scans yet; ``sensor`` (2,) is the lidar in the robot's frame."""
-        return cls(sensor, np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), np.zeros(1, np.intp))
+    def __len__(self) -> int:
+        return self._count
+
+    @property
+    def points(self) -> Array:
+        """(p, 2) m."""
+        return self._rows[:, 0:2]
+
+    @property
+    def normals(self) -> Array:
+        """(p, 2) unit vectors or zero."""
+        return self._rows[:, 2:4]
+
+    @property
+    def bearings(self) -> Array:
+        """(p,) rad."""
+        return self._rows[:, 4]
+
+    @property
+    def first(self) -> NDArray[np.int64]:
+        """(scans + 1,) row of each scan's first point, and one past the last."""
+        return self._first[: self._count + 1]
+
+    def points_of(self, scan: int) -> Array:
+        """(m, 2) end points of one scan."""
+        return self.points[self._first[scan] : self._first[scan + 1]]
+
+    def add(self, points: Array) -> None:
+        """Append a scan's end points (m, 2), in the order of the beams."""
+        start = int(self._first[self._count])
+        end = start + len(points)
+        while end > len(self._rows):
+            self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
+        if self._count + 2 > len(self._first):
+            self._first = np.concatenate([self._first, np.zeros_like(self._first)])
+        seen = points - self.sensor
+        self._rows[start:end, 0:2] = points
+        self._rows[start:end, 2:4] = wall_normals(points, self.sensor, WALL_REACH)
+        self._rows[start:end, 4] = np.unwrap(np.arctan2(seen[:, 1], seen[:, 0]))
+        self._count += 1
+        self._first[self._count] = end
+
+    def match(
+        self,
+        references: NDArray[np.int64],
+        others: NDArray[np.int64],
+        guesses: Array,
+        prior: Array,
+        gates: Array,
+        *,
+        stride: int = 1,
+        iterations: int = 15,
+    ) -> "Matches":
+        """Match scans ``others`` (k,) against ``references`` (k,); see :func:`match_pairs`."""
+        found = match_pairs(
+            self.points,
+            self.normals,
+            self.bearings,
+            self.first,
+            self.sensor,
+            references,
+            others,
+            guesses,
+            gates,
+            iterations,
+            stride,
+            NOISE,
+            prior,
+        )
+        return Matches(*found)
+
+
+@dataclass(frozen=True, slots=True)
+class Matches:
+    """k scan matches: ``poses`` (k, 3) of the matched scan in the reference's frame, the ``information`` (k, 3, 3)
+    that the scans alone give on them (1/m², 1/m rad, 1/rad²), the share of points that found a partner (k,) and
+    their mean distance from the partner's wall (k,) m."""
+
+    poses: Array
+    information: Array
+    overlap: Array
+    distance: Array
 
 
 @njit(cache=True, nogil=True)
@@ -88,6 +173,36 @@ def _nearest(bearings: Floats, low: int, high: int, value: float) -> int:
 
 
 @njit(cache=True, nogil=True)
+def _forget_open_direction(h: Floats, g: Floats) -> None:
+    """Take what a bare corridor seems to say about its own axis out of the information ``h`` and the gradient ``g``.
+
+    The walls' roughness and the noise of their normals say a little in every direction; where that is all there is,
+    it must not outvote the odometry (Zhang, Kaess & Singh 2016).
+    """
+    if h[2, 2] <= 0.0:
+        return
+    a = h[0, 0] - h[0, 2] * h[0, 2] / h[2, 2]
+    b = h[0, 1] - h[0, 2] * h[1, 2] / h[2, 2]
+    d = h[1, 1] - h[1, 2] * h[1, 2] / h[2, 2]
+    half, root = 0.5 * (a + d), math.sqrt(0.25 * (a - d) ** 2 + b * b)
+    if half - root > OPEN * (half + root):
+        return
+    angle = 0.5 * math.atan2(2.0 * b, a - d) + 0.5 * math.pi
+    vx, vy = math.cos(angle), math.sin(angle)
+    along = vx * g[0] + vy * g[1]
+    g[0] -= along * vx
+    g[1] -= along * vy
+    for i in range(3):  # h <- P h P with P = 1 - v v'
+        along = vx * h[i, 0] + vy * h[i, 1]
+        h[i, 0] -= along * vx
+        h[i, 1] -= along * vy
+    for j in range(3):
+        along = vx * h[0, j] + vy * h[1, j]
+        h[0, j] -= along * vx
+        h[1, j] -= along * vy
+
+
+@njit(cache=True, nogil=True)
 def match_pairs(
     points: Floats,
     normals: Floats,
@@ -122,6 +237,7 @@ def match_pairs(
         for iteration in range(iterations + 1):
             gate = gates[min(iteration, len(gates) - 1)]
             window = 1.5 * gate
+            width = max(2.0 * sigma, gate / 3.0)  # beyond it a residual loses its say
             c, s = math.cos(heading), math.sin(heading)
             h[:, :] = 0.0
             g[:] = 0.0
@@ -133,11 +249,11 @@ def match_pairs(
                 lx, ly = px - sensor[0], py - sensor[1]
                 far = math.hypot(lx, ly)
                 bearing = math.atan2(ly, lx)
-                width = window / max(far, 0.3)
-                low = _nearest(bearings, r0, r1, bearing - width)
+                turn = window / max(far, 0.3)
+                low = _nearest(bearings, r0, r1, bearing - turn)
                 best, at = gate * gate, -1
                 i = low
-                while i < r1 and bearings[i] <= bearing + width:
+                while i < r1 and bearings[i] <= bearing + turn:
                     dx, dy = points[i, 0] - px, points[i, 1] - py
                     d = dx * dx + dy * dy
                     if d < best:
@@ -154,7 +270,7 @@ def match_pairs(
                 e = nx * (px - points[at, 0]) + ny * (py - points[at, 1])
                 partners += 1
                 sum_distance += abs(e)
-                w = 1.0 / (1.0 + (e / (2.0 * sigma)) ** 2) / (sigma * sigma)
+                w = 1.0 / (1.0 + (e / width) ** 2) / (sigma * sigma)
                 jt = -nx * oy + ny * ox
                 h[0, 0] += w * nx * nx
                 h[0, 1] += w * nx * ny
@@ -166,6 +282,7 @@ def match_pairs(
                 g[1] += w * ny * e
                 g[2] += w * jt * e
             h[1, 0], h[2, 0], h[2, 1] = h[0, 1], h[0, 2], h[1, 2]
+            _forget_open_direction(h, g)
             overlap[k] = partners / max(used, 1)
             distance[k] = sum_distance / max(partners, 1)
             information[k] = h
@@ -182,8 +299,8 @@ def match_pairs(
             x -= step[0]
             y -= step[1]
             heading -= step[2]
-            if abs(step[0]) + abs(step[1]) < 1e-4 and abs(step[2]) < 1e-4 and iteration >= len(gates) - 1 and iteration < iterations - 1:
-                # converged: one more pass finds the information there
-                gate = gates[len(gates) - 1]
+            settled = abs(step[0]) + abs(step[1]) < 5e-4 and abs(step[2]) < 3e-4
+            if settled and iteration >= len(gates) - 1:
+                break
         poses[k, 0], poses[k, 1], poses[k, 2] = x, y, heading
     return poses, information, overlap, distance

@@ -70,6 +70,7 @@ class TileMaps:
                 c.log_odds_hit,
                 c.log_odds_miss,
                 c.log_odds_bound,
+                1 + (len(points) - 1) // c.free_beams,
                 drawn,
             )
             if drawn == len(poses):
@@ -162,11 +163,12 @@ def write_scans(
     hit: float,
     miss: float,
     bound: float,
+    stride: int,
     first: int,
 ) -> int:
     """Write one scan into every map from ``first`` on; how many maps are done when the free tiles run short.
 
-    Cells with an end point gain ``hit``, those of the Bresenham line up to them lose ``miss``.
+    Cells with an end point gain ``hit``, those of the Bresenham line up to every ``stride``-th of them lose ``miss``.
     """
     m = len(points)
     appeared = np.empty((m, 2), np.int64)
@@ -191,7 +193,7 @@ def write_scans(
             return p
         mine = table[p]
         n_vanished = n_appeared = 0
-        for b in range(m):  # free space first: what a beam ends on must outlast what grazes it
+        for b in range(0, m, stride):  # free space first: what a beam ends on must outlast what grazes it
             row, column = start_row, start_column
             rows, columns = abs(ends[b, 0] - row), abs(ends[b, 1] - column)
             down = 1 if ends[b, 0] >= row else -1

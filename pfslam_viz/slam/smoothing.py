@@ -1,0 +1,99 @@
+"""The whole trajectory in hindsight: key scans matched with their neighbours, and the pose graph relaxed.
+
+Graph-based SLAM as in Lu & Milios (1997) and Konolige et al. (2010), started from the particle filter's trajectory.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pfslam_viz import geometry
+from pfslam_viz.config import SmoothingConfig
+from pfslam_viz.slam.pose_graph import Constraints, optimize, turned
+from pfslam_viz.slam.scan_matching import Matches, ScanStore
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+HOPS = (1, 2, 4, 8)  # key scans ahead that every key scan is matched with
+FIRST_GATES = np.array([0.5, 0.3, 0.2, 0.1])  # m: greatest distance of correspondences, iteration after iteration
+GATES = np.array([0.2, 0.1])  # once the graph has settled
+GUESS = np.array([0.1, 0.1, 0.05]) ** -2.0  # what holds a match to its guess: 1/m², 1/m², 1/rad²
+LONGEST_SHIFT = 0.4  # m
+LARGEST_TURN = 0.2  # rad
+BEAMS = 180  # end points a scan that are matched, about
+TURN_LENGTH = 0.7  # m that a rad of heading counts as when the nearest visit is looked for
+
+
+def smooth(scans: ScanStore, poses: Array, odometry: Array, config: SmoothingConfig) -> Array:
+    """Key poses (k, 3) that agree best with all matches between neighbouring key scans and with the odometry.
+
+    ``odometry`` (k, 3) leads from every key scan to the next; row 0 is not used. The first pose stays.
+    """
+    if len(poses) < 3:
+        return poses
+    motion = odometry_constraints(odometry, config)
+    for turn in range(config.rounds):
+        pairs = neighbouring(poses, config)
+        matched = match(scans, poses, pairs, FIRST_GATES if turn == 0 else GATES, config)
+        poses = optimize(poses, Constraints.join([motion, matched]), iterations=8, scale=config.scale)
+    return poses
+
+
+def neighbouring(poses: Array, config: SmoothingConfig) -> Indices:
+    """Pairs (p, 2) of key scans to match, the earlier first: those a few hops on, and the nearest of earlier visits."""
+    from scipy.spatial import cKDTree
+
+    n = len(poses)
+    pairs = [np.stack([np.arange(n - hop), np.arange(hop, n)], axis=-1) for hop in HOPS if hop < n]
+    near = cKDTree(poses[:, :2]).query_ball_point(poses[:, :2], config.radius)
+    visits = []
+    for later, candidates in enumerate(near):
+        earlier = np.array(candidates)
+        earlier = earlier[earlier < later - config.apart]
+        away = np.hypot(*(poses[earlier, :2] - poses[later, :2]).T)
+        away += TURN_LENGTH * np.abs(geometry.wrap(poses[earlier, 2] - poses[later, 2]))
+        chosen: list[int] = []
+        for candidate in earlier[np.argsort(away)]:
+            if len(chosen) == config.neighbours:
+                break
+            if all(abs(candidate - other) > config.apart / 2 for other in chosen):
+                chosen.append(int(candidate))
+        visits += [(earlier_one, later) for earlier_one in chosen]
+    if visits:
+        pairs.append(np.array(visits))
+    return np.concatenate(pairs)
+
+
+def match(scans: ScanStore, poses: Array, pairs: Indices, gates: Array, config: SmoothingConfig) -> Constraints:
+    """The pairs (p, 2) that match: as constraints, robust, tempered; the others are left out."""
+    start, end = pairs[:, 0], pairs[:, 1]
+    guesses = geometry.between(poses[start], poses[end])
+    stride = max(1, round(scans.first[-1] / len(scans) / BEAMS))
+    found = scans.match(start, end, guesses, GUESS, gates, stride=stride, iterations=8)
+    good = trusted(found, guesses, config)
+    information = config.temper * turned(found.information, found.poses[:, 2])
+    return Constraints(start[good], end[good], found.poses[good], information[good], np.ones(good.sum(), np.bool_))
+
+
+def trusted(found: Matches, guesses: Array, config: SmoothingConfig) -> NDArray[np.bool_]:
+    """Which matches (k,) are good enough, and near enough to their guesses (k, 3), to be believed."""
+    moved = geometry.between(guesses, found.poses)
+    return (
+        (found.overlap > config.overlap)
+        & (found.distance < config.distance)
+        & (np.hypot(moved[:, 0], moved[:, 1]) < LONGEST_SHIFT)
+        & (np.abs(moved[:, 2]) < LARGEST_TURN)
+    )
+
+
+def odometry_constraints(odometry: Array, config: SmoothingConfig) -> Constraints:
+    """The odometry (k, 3) from every key scan to the next: what holds where the scans leave a direction open."""
+    steps = odometry[1:]
+    driven, turned_by = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2])
+    deviation = np.empty_like(steps)
+    deviation[:, 0] = deviation[:, 1] = config.least + config.noise_distance * driven
+    deviation[:, 2] = config.least + config.noise_angle * turned_by + config.noise_drift * driven
+    information = np.zeros((len(steps), 3, 3))
+    information[:, [0, 1, 2], [0, 1, 2]] = deviation**-2
+    at = np.arange(len(steps))
+    return Constraints(at, at + 1, steps, information, np.ones(len(steps), np.bool_))
