@@ -21,7 +21,7 @@ Points = NDArray[np.float32]
 
 RESOLUTION = 0.01  # m: coordinates are rounded to this, which makes files small
 HEADINGS = 60  # arrows a scan
-HEADING_LENGTH = 0.12  # m
+HEADING_LENGTHS = (0.02, 0.2)  # m: twice the cloud's standard deviation, within these
 LEVEL_HEIGHT = 0.002  # m from one level of weight to the next
 
 
@@ -140,7 +140,8 @@ def particle_columns(block: Block, z: float) -> tuple[Any, Any]:
     levels = len(WEIGHT_RAMP)
     level = np.minimum((np.concatenate(block.weights) * levels).astype(np.intp), levels - 1)
     spread = np.sqrt(np.maximum(np.trace(np.array(block.covariance), axis1=1, axis2=2), 0.0))
-    grain = np.repeat(np.clip(spread / 4, RESOLUTION / 10, RESOLUTION), lengths)[:, None]
+    spread = np.repeat(spread, lengths)[:, None]
+    grain = np.clip(spread / 4, RESOLUTION / 10, RESOLUTION)
     positions = lifted(np.round(particles[:, :2] / grain) * grain, z)
     positions[:, 2] += LEVEL_HEIGHT * level  # where particles cover each other, the heaviest shows
     colors = _RAMP[level]
@@ -149,7 +150,8 @@ def particle_columns(block: Block, z: float) -> tuple[Any, Any]:
     some = [np.arange(end - 1, end - 1 - n, -stride(n, HEADINGS))[::-1] for end, n in zip(ends, lengths, strict=True)]
     chosen = np.concatenate(some)
     heading = np.round(particles[chosen, 2] * 60.0) / 60.0
-    vectors = lifted(HEADING_LENGTH * np.stack([np.cos(heading), np.sin(heading)], axis=-1), 0.0)
+    length = np.clip(2 * spread[chosen], *HEADING_LENGTHS)
+    vectors = lifted(length * np.stack([np.cos(heading), np.sin(heading)], axis=-1), 0.0)
     arrows = rr.Arrows3D.columns(origins=positions[chosen], vectors=vectors, colors=colors[chosen])
     return points, arrows.partition([len(s) for s in some])
 

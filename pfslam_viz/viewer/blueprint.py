@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+import numpy as np
 import rerun.blueprint as rrb
 from rerun import Points3D, Radius
 
@@ -9,7 +10,7 @@ from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.viewer import entities
 from pfslam_viz.viewer.entities import Entities
 from pfslam_viz.viewer.framing import Framing, overhead_size
-from pfslam_viz.viewer.style import FOLLOW_HEIGHT, LOUPE_HEIGHT
+from pfslam_viz.viewer.style import FOLLOW_HEIGHT
 
 LONGEST = 60.0  # s that a replay takes at most, however long the recording
 SPEED_UP = 2.0  # times real time, unless that takes longer
@@ -118,7 +119,7 @@ def _filter(run: str, several: bool, recording: Recording) -> rrb.Container:
     loupe = _overhead(
         path("follow/loupe"),
         1.0,
-        f"The particles ({LOUPE_HEIGHT:g} m), coloured by weight",
+        "The particles, coloured by weight",
         _of_run(run, *both, "headings", "lineages", "correction") + TRUTH,
         overrides={f"/{path('particles')}": Points3D.from_fields(radii=Radius.ui_points(3.0))},
     )
@@ -157,7 +158,14 @@ def _texture(run: str, several: bool, framing: Framing) -> rrb.Container:
 
 def _three_d(run: str, several: bool, framing: Framing) -> rrb.Spatial3DView:
     x, y = framing.center
-    reach = framing.height
+    width, height = framing.content
+    tall = height > width  # then look from the side, so that the longer side lies across the window
+    reach = max(min(width, height), max(width, height) / 1.6)
+    back, aside = (
+        (np.array([1.0, 0.0]), np.array([0.0, 1.0])) if tall else (np.array([0.0, -1.0]), np.array([1.0, 0.0]))
+    )
+    eye = np.array([x, y]) + reach * (0.75 * back - 0.08 * aside)
+    target = np.array([x, y]) + 0.08 * reach * back
     names = ("map", "walls", "texture", "scan/**", "particles", "trajectory/**", "hindsight", "robot/**", "closures")
     reckoned = [f"+ /{entities.dead_reckoning(name)}" for name in ("trajectory/**", "robot/**")]
     return rrb.Spatial3DView(
@@ -168,8 +176,8 @@ def _three_d(run: str, several: bool, framing: Framing) -> rrb.Spatial3DView:
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital,
-            position=[x - 0.08 * reach, y - 0.6 * reach, 0.52 * reach],
-            look_target=[x, y - 0.1 * reach, 0.0],
+            position=[*eye, 0.65 * reach],
+            look_target=[*target, 0.0],
             eye_up=[0.0, 0.0, 1.0],
         ),
     )

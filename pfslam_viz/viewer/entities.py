@@ -49,7 +49,7 @@ WEIGHT_RAMP: tuple[Color, ...] = (
 )
 """Viridis in ten levels, from no weight (yellow) to the heaviest particle (dark violet)."""
 
-MAP_Z, TEXTURE_Z, LIDAR_Z, PARTICLE_Z, TRAIL_Z, POSE_Z = 0.0, 0.01, 0.03, 0.05, 0.06, 0.09
+MAP_Z, TEXTURE_Z, LIDAR_Z, PARTICLE_Z, TRAIL_Z, TRUTH_Z, POSE_Z = 0.0, 0.01, 0.03, 0.04, 0.06, 0.07, 0.09
 """Heights (m) that keep the layers of a flat scene from hiding each other."""
 
 OVERVIEW = "world/overview"

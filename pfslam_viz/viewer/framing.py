@@ -27,11 +27,12 @@ REACH = 0.25  # how far dead reckoning may widen the picture of the filter's map
 
 @dataclass(frozen=True, slots=True)
 class Framing:
-    """A rectangle of floor, in m: the views show it whole."""
+    """A rectangle of floor, in m: the views show it whole. ``content`` is how wide and high the things in it are."""
 
     center: tuple[float, float]
     width: float
     height: float
+    content: tuple[float, float]
 
     @property
     def aspect(self) -> float:
@@ -42,9 +43,9 @@ class Framing:
     def of_box(cls, low: Array, high: Array, aspect: float = ASPECT) -> "Framing":
         """The box with a margin, widened to the aspect (width by height)."""
         center = (low + high) / 2
-        width, height = np.maximum(high - low, 1.0) + 2 * MARGIN
-        width = max(width, height * aspect)
-        return cls((float(center[0]), float(center[1])), float(width), float(width / aspect))
+        across, up = (float(size) for size in np.maximum(high - low, 1.0) + 2 * MARGIN)
+        width = max(across, up * aspect)
+        return cls((float(center[0]), float(center[1])), width, width / aspect, (across, up))
 
     @classmethod
     def of_recording(cls, recording: Recording, aspect: float = ASPECT) -> "Framing":

@@ -18,7 +18,7 @@ RUN_ENTITIES: tuple[tuple[str, str], ...] = (
     ("world/{run}/robot", "{color} arrow: the best particle's pose"),
     ("world/{run}/trajectory/done", "{color}: the best particle at every scan, as it was estimated then"),
     ("world/{run}/trajectory/open", "{color}: its latest stretch"),
-    ("world/{run}/mean", "{color} cross: the weighted mean of the particles"),
+    ("world/{run}/mean", "{color} dot: the weighted mean of the particles"),
     ("world/{run}/covariance", "{color} ellipse: two standard deviations about the mean"),
     ("world/{run}/lineages", "pale violet: the ancestors that today's particles still have"),
     ("world/{run}/history", "violet: the whole trajectory of the particle that is best now"),
@@ -37,9 +37,9 @@ SHARED_ENTITIES: tuple[tuple[str, str], ...] = (
     ("world/dead_reckoning/robot", "vermilion arrow: the dead-reckoned pose"),
     ("world/dead_reckoning/trajectory/done", "vermilion: where odometry alone leads"),
     ("world/dead_reckoning/trajectory/open", "vermilion: its latest stretch"),
-    ("world/truth/robot", "the true pose"),
-    ("world/truth/trajectory/done", "green: where the robot truly went"),
-    ("world/truth/trajectory/open", "green: its latest stretch"),
+    ("world/truth/robot", "green arrow: the true pose"),
+    ("world/truth/trajectory/done", "green, thin: where the robot truly went"),
+    ("world/truth/trajectory/open", "green, thin: its latest stretch"),
 )
 
 CURVES: tuple[tuple[str, str], ...] = (

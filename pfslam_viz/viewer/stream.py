@@ -20,7 +20,7 @@ from pfslam_viz.viewer import block, entities, pages, pictures, style
 from pfslam_viz.viewer.ancestry import Ancestry
 from pfslam_viz.viewer.blueprint import blueprint
 from pfslam_viz.viewer.camera_images import CameraImages
-from pfslam_viz.viewer.entities import LIDAR_Z, PARTICLE_Z, POSE_Z, TRAIL_Z, Entities
+from pfslam_viz.viewer.entities import LIDAR_Z, PARTICLE_Z, POSE_Z, TRAIL_Z, TRUTH_Z, Entities
 from pfslam_viz.viewer.framing import Framing
 from pfslam_viz.viewer.sinks import Sink
 from pfslam_viz.viewer.trail import Trail
@@ -96,6 +96,7 @@ class ReplayStream:
         self._last: Step | None = None
         self._block = block.Block()
         self._flushed = time.monotonic()
+        self._spreads = np.zeros(0)
         self._counts = {"particles": 0, "beams": 0}
         style.style_run(sink, self.entities, color, recording.frames)
         if shared:
@@ -123,6 +124,7 @@ class ReplayStream:
         """Log what is known only at the end: the last maps, the trajectory in hindsight, the final framing."""
         self.flush()
         if self._last is not None:
+            style.log_loupe(self.sink, self.entities, float(np.percentile(self._spreads, 75)))
             self._log_maps(self._last, result.grid, result.dead_reckoning_grid)
             self._log_now(self.entities.filter("walls"), self._last, pictures.walls(result.grid))
             if result.texture is not None:
@@ -197,20 +199,20 @@ class ReplayStream:
         self._send_trail(path("trajectory"), done, done.dead_reckoning)
         if done.truth:
             self._send(entities.truth("robot"), done, block.pose_columns(done.truth, POSE_Z))
-            self._send_trail(entities.truth("trajectory"), done, done.truth)
+            self._send_trail(entities.truth("trajectory"), done, done.truth, TRUTH_Z)
             error = np.subtract(done.dead_reckoning, done.truth)
             distance = np.hypot(error[:, 0], error[:, 1])
             self._send(entities.shared_plot("error", "dead_reckoning"), done, block.scalar_columns(distance))
 
-    def _send_trail(self, path: str, done: block.Block, poses: Sequence[Array]) -> None:
+    def _send_trail(self, path: str, done: block.Block, poses: Sequence[Array], z: float = TRAIL_Z) -> None:
         trail = self._trails.setdefault(path, Trail(len(self.recording)))
         finished, open_strips = trail.extend(poses)
-        self._send(f"{path}/open", done, block.strip_columns(open_strips, TRAIL_Z))
+        self._send(f"{path}/open", done, block.strip_columns(open_strips, z))
         if finished:
             rows = [row for row, _ in finished]
             times = block.time_columns([done.steps[r] for r in rows], [done.seconds[r] for r in rows])
             self.logged.add(f"{path}/done")
-            columns = block.strip_columns([strip for _, strip in finished], TRAIL_Z)
+            columns = block.strip_columns([strip for _, strip in finished], z)
             self.sink.send_columns(f"{path}/done", times, columns)
 
     def _send_plots(self, done: block.Block) -> None:
@@ -223,6 +225,7 @@ class ReplayStream:
             "heading_drift": np.degrees(np.abs(geometry.wrap(apart[:, 2]))),
             "spread": np.sqrt(np.maximum(np.trace(covariance, axis1=1, axis2=2), 0.0)),
         }
+        self._spreads = np.concatenate([self._spreads, curves["spread"]])
         if done.truth:
             error = best - np.array(done.truth)
             curves["error"] = np.hypot(error[:, 0], error[:, 1])

@@ -12,7 +12,7 @@ from pfslam_viz.viewer.framing import Framing, overhead_camera
 from pfslam_viz.viewer.sinks import Sink
 
 FOLLOW_HEIGHT = 9.0  # m of floor that the close-up shows
-LOUPE_HEIGHT = 1.0  # m of floor that the particles' own view shows
+LOUPE_HEIGHTS = (0.15, 2.0)  # m of floor that the particles' own view shows, by how far they spread
 IMAGE_SCALE = 2  # camera images are reduced by this
 
 ROBOT_OUTLINE = np.array([[0.55, 0, 0], [-0.3, 0.3, 0], [-0.15, 0, 0], [-0.3, -0.3, 0]])
@@ -41,13 +41,12 @@ def style_run(sink: Sink, paths: Entities, color: Color, frames: Frames | None) 
         _static(sink, path(name), rr.LineStrips3D.from_fields(colors=line, radii=ui(width)))
     _style_trail(sink, path("trajectory"), color)
     _style_robot(sink, path("robot"), color)
-    cross = [[[-0.1, 0, 0], [0.1, 0, 0]], [[0, -0.1, 0], [0, 0.1, 0]]]
-    _static(sink, path("mean"), rr.LineStrips3D(cross, colors=color, radii=ui(1.0)))
+    _static(sink, path("mean"), rr.Points3D([[0, 0, 0]], colors=color, radii=ui(4.0)))
     angle = np.linspace(0.0, 2 * np.pi, 65)
     circle = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=-1)
-    _static(sink, path("covariance"), rr.LineStrips3D([circle], colors=color, radii=ui(1.0)))
-    for name, height in (("close_up", FOLLOW_HEIGHT), ("loupe", LOUPE_HEIGHT)):
-        _static(sink, path(f"follow/{name}"), *overhead_camera((0.0, 0.0), height, aspect=1.0, above=5.0))
+    _static(sink, path("covariance"), rr.LineStrips3D([circle], colors=color, radii=ui(1.25)))
+    _static(sink, path("follow/close_up"), *overhead_camera((0.0, 0.0), FOLLOW_HEIGHT, aspect=1.0, above=5.0))
+    log_loupe(sink, paths, None)
     if frames is not None:
         _style_camera(sink, path("robot/camera"), frames, color)
     for plot in CURVES:
@@ -63,13 +62,19 @@ def style_shared(sink: Sink, recording: Recording) -> None:
     _style_robot(sink, f"{root}/robot", color)
     _style_curve(sink, "plots/error/dead_reckoning", color, "dead reckoning")
     if recording.truth is not None:
-        _style_trail(sink, "world/truth/trajectory", entities.TRUTH)
+        _style_trail(sink, "world/truth/trajectory", entities.TRUTH, width=0.75)  # a thin line on the estimates
         _style_robot(sink, "world/truth/robot", entities.TRUTH)
 
 
 def log_framing(sink: Sink, framing: Framing) -> None:
     """Point the overview's camera at a piece of floor."""
     _static(sink, entities.OVERVIEW, *overhead_camera(framing.center, framing.height, framing.aspect))
+
+
+def log_loupe(sink: Sink, paths: Entities, spread: float | None) -> None:
+    """Let the particles' own view show what a cloud of this standard deviation (m; None: not known yet) needs."""
+    height = 1.0 if spread is None else float(np.clip(12.0 * spread, *LOUPE_HEIGHTS))
+    _static(sink, paths.filter("follow/loupe"), *overhead_camera((0.0, 0.0), height, aspect=1.0, above=5.0))
 
 
 def log_page(sink: Sink, path: str, text: str) -> None:
@@ -81,9 +86,9 @@ def _static(sink: Sink, path: str, *archetypes: Any) -> None:
     sink.log(path, *archetypes, static=True)
 
 
-def _style_trail(sink: Sink, path: str, color: Color) -> None:
+def _style_trail(sink: Sink, path: str, color: Color, width: float = 1.75) -> None:
     for part in ("done", "open"):
-        line = rr.LineStrips3D.from_fields(colors=color, radii=rr.Radius.ui_points(1.5))
+        line = rr.LineStrips3D.from_fields(colors=color, radii=rr.Radius.ui_points(width))
         _static(sink, f"{path}/{part}", line)
 
 

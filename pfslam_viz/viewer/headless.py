@@ -1,0 +1,112 @@
+"""Rerun's own viewer without a window: to check recordings in it, and to photograph them.
+
+Needs Vulkan on the machine; a software renderer will do (Debian: mesa-vulkan-drivers and libvulkan1).
+"""
+
+import os
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from pfslam_viz.errors import PfslamError
+from pfslam_viz.viewer.sinks import _free_port, viewer_binary
+
+START_SECONDS = 60.0
+SETTLE_SECONDS = 1.0  # compressed images decode after the first paint
+
+
+class HeadlessViewer:
+    """A viewer that runs and listens on the loopback; made by :func:`headless_viewer`."""
+
+    def __init__(self, client: Any, process: "subprocess.Popen[bytes]") -> None:
+        self._client = client
+        self.process = process
+
+    def open(self, path: Path) -> float:
+        """Open a recording; seconds until it was painted."""
+        started = time.monotonic()
+        self._client.open(str(path.resolve()))
+        deadline = started + START_SECONDS
+        while self._client.get_state().loading or not self._views():
+            if time.monotonic() > deadline:
+                raise PfslamError(f"{path}: the viewer did not open it within {START_SECONDS:.0f} s")
+            time.sleep(0.02)
+        self._paint()
+        return time.monotonic() - started
+
+    def seek(self, step: int) -> float:
+        """Go to a scan and stay there; seconds until it was painted."""
+        started = time.monotonic()
+        self._client.set_time("step", sequence=step, play_state="paused")
+        self._paint()
+        return time.monotonic() - started
+
+    def show_tab(self, number: int) -> None:
+        """Bring the outermost tab ``number`` (from 0) to the front."""
+        blueprint = self._client.get_blueprint().blueprint
+        containers = {path.lstrip("/"): parts.get("ContainerBlueprint") for path, parts in blueprint.items()}
+        root = containers[f"container/{blueprint['/viewport']['ViewportBlueprint']['root_container']}"]
+        while root["container_kind"] != "Tabs":
+            root = containers[root["contents"][0]]
+        root["active_tab"] = root["contents"][number]
+        self._client.set_blueprint(blueprint, of="recording")
+        self._paint()
+
+    def reports(self) -> list[str]:
+        """Every error and warning that a view on screen shows."""
+        return [f"{view.name}: {report}" for view in self._client.get_state().views for report in view.reports]
+
+    def photograph(self, path: Path) -> None:
+        """Write what is on screen as PNG."""
+        time.sleep(SETTLE_SECONDS)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._client.save_screenshot(str(path), view_id=None)
+
+    def _paint(self) -> None:
+        self._client.take_screenshot(max_size=64)
+
+    def _views(self) -> Sequence[Any]:
+        views: Sequence[Any] = self._client.get_state().views
+        return views
+
+
+@contextmanager
+def headless_viewer(size: tuple[int, int] = (1600, 900), memory: str = "4GB") -> Iterator[HeadlessViewer]:
+    """A viewer of this size in pixels, which ends with the block. Raises PfslamError where there is no Vulkan."""
+    from rerun.experimental import ViewerClient
+
+    port = _free_port("127.0.0.1")
+    width, height = size
+    command: list[str | Path] = [viewer_binary(), "--headless", "--hide-welcome-screen", "--memory-limit", memory]
+    command += ["--bind", "127.0.0.1", "--port", str(port), "--window-size", f"{width}x{height}"]
+    with tempfile.TemporaryDirectory() as runtime:
+        environment = {**os.environ, "XDG_RUNTIME_DIR": runtime}
+        output = Path(runtime) / "output"
+        with output.open("wb") as sink:
+            process = subprocess.Popen(command, env=environment, stdout=sink, stderr=subprocess.STDOUT)
+        try:
+            deadline = time.monotonic() + START_SECONDS
+            while True:
+                if process.poll() is not None:
+                    last = (output.read_text(errors="replace").strip().splitlines() or [""])[0]
+                    raise PfslamError(f"the viewer cannot run without a window here (is Vulkan installed?): {last}")
+                try:
+                    client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
+                    client.get_state()
+                    break
+                except Exception as error:  # the client's errors have no type of their own
+                    if time.monotonic() > deadline:
+                        raise PfslamError(f"the viewer did not answer within {START_SECONDS:.0f} s") from error
+                    time.sleep(0.1)
+            yield HeadlessViewer(client, process)
+        finally:
+            process.terminate()
+            try:
+                process.wait(10)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
