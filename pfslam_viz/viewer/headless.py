@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from pfslam_viz.errors import PfslamError
+from pfslam_viz.errors import InputError, PfslamError
 from pfslam_viz.viewer.sinks import _free_port, viewer_binary
 
 START_SECONDS = 60.0
@@ -45,14 +45,22 @@ class HeadlessViewer:
         self._paint()
         return time.monotonic() - started
 
-    def show_tab(self, number: int) -> None:
-        """Bring the outermost tab ``number`` (from 0) to the front."""
+    def last_step(self) -> int:
+        """The recording's last scan."""
+        ends = [t.end for r in self._client.get_state().recordings for t in r.timelines if t.name == "step"]
+        return int(max(end for end in ends if end is not None))
+
+    def show_tab(self, name: str) -> None:
+        """Bring the outermost tab of this name to the front. Raises InputError if there is none."""
         blueprint = self._client.get_blueprint().blueprint
-        containers = {path.lstrip("/"): parts.get("ContainerBlueprint") for path, parts in blueprint.items()}
-        root = containers[f"container/{blueprint['/viewport']['ViewportBlueprint']['root_container']}"]
+        parts = {path.lstrip("/"): part for path, part in blueprint.items()}
+        root = parts[f"container/{blueprint['/viewport']['ViewportBlueprint']['root_container']}"]["ContainerBlueprint"]
         while root["container_kind"] != "Tabs":
-            root = containers[root["contents"][0]]
-        root["active_tab"] = root["contents"][number]
+            root = parts[root["contents"][0]]["ContainerBlueprint"]
+        names = {_name(parts[tab]): tab for tab in root["contents"]}
+        if name not in names:
+            raise InputError(f"no tab is called '{name}'; there are {', '.join(names)}")
+        root["active_tab"] = names[name]
         self._client.set_blueprint(blueprint, of="recording")
         self._paint()
 
@@ -110,3 +118,7 @@ def headless_viewer(size: tuple[int, int] = (1600, 900), memory: str = "4GB") ->
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
+
+
+def _name(part: dict[str, Any]) -> str:
+    return str(part.get("ContainerBlueprint", part.get("ViewBlueprint", {})).get("display_name"))

@@ -114,9 +114,11 @@ def texture_map(texture: "FloorTexture") -> tuple[Any, int]:
 def walls(grid: OccupancyGrid) -> Any:
     """The occupied cells as boxes, one for each run of them in a row, centred (z too) on :data:`WALL_HEIGHT` / 2."""
     occupied = np.pad(grid.occupied > 0, ((0, 0), (1, 1)))
-    change = np.diff(occupied.astype(np.int8), axis=1)
-    rows, first = np.nonzero(change == 1)
-    _, last = np.nonzero(change == -1)  # both in row order, so they pair up
+    width = occupied.shape[1] - 1
+    changes = np.flatnonzero(
+        occupied[:, 1:] != occupied[:, :-1]
+    )  # in row order: where a run begins, where it ends, ...
+    (rows, first), last = divmod(changes[::2], width), changes[1::2] % width
     left = grid.centers(np.stack([rows, first], axis=-1))
     half = np.full((len(rows), 3), grid.cell / 2, np.float32)
     half[:, 0] *= last - first
