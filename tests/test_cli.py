@@ -231,8 +231,9 @@ def test_stdout_holds_the_recording_and_nothing_else(drive: Path) -> None:
     assert b"path length" in done.stderr
 
 
-def test_without_a_place_to_go_and_without_a_screen(run: Run, drive: Path) -> None:
-    status, out, err = run("replay", drive)
+@pytest.mark.parametrize("options", [[], ["--spawn"]])
+def test_without_a_place_to_go_and_without_a_screen(run: Run, drive: Path, options: list[str]) -> None:
+    status, out, err = run("replay", drive, *options)
     assert (status, out) == (2, "")
     assert "--save" in one_line(err)
 

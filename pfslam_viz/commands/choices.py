@@ -122,14 +122,9 @@ class SinkChoice:
         return bool(self.save or self.spawn or self.serve or self.connect or self.stdout)
 
     def or_viewer(self) -> "SinkChoice":
-        """Itself, or the viewer where nothing was chosen. Raises InputError when there is no screen for it."""
+        """Itself, or the viewer where nothing was chosen."""
         if self.any:
             return self
-        if not has_screen():
-            raise InputError(
-                "there is no screen to open the viewer on: pass --save out.rrd to write a recording, --serve or"
-                " --connect URL to watch it elsewhere"
-            )
         return SinkChoice(spawn=True, bind=self.bind)
 
     def open(self) -> AbstractContextManager[Any]:
@@ -156,6 +151,11 @@ class SinkChoice:
             raise InputError(f"--stdout goes alone, without --{live[0] if live else 'save'}")
         if self.stdout and sys.stdout.isatty():
             raise InputError("--stdout writes binary data: redirect it to a file or a program")
+        if self.spawn and self.save is None and not has_screen():
+            raise InputError(
+                "there is no screen to open the viewer on: pass --save out.rrd to write a recording, --serve or"
+                " --connect URL to watch it elsewhere"
+            )
         if self.save is not None:
             check_writable(self.save)
 
