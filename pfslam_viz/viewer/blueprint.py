@@ -164,7 +164,7 @@ def _three_d(run: str, several: bool, framing: Framing) -> rrb.Spatial3DView:
     back, aside = (
         (np.array([1.0, 0.0]), np.array([0.0, 1.0])) if tall else (np.array([0.0, -1.0]), np.array([1.0, 0.0]))
     )
-    eye = np.array([x, y]) + reach * (0.75 * back - 0.08 * aside)
+    eye = np.array([x, y]) + reach * (0.64 * back - 0.08 * aside)
     target = np.array([x, y]) + 0.08 * reach * back
     names = ("map", "walls", "texture", "scan/**", "particles", "trajectory/**", "hindsight", "robot/**", "closures")
     reckoned = [f"+ /{entities.dead_reckoning(name)}" for name in ("trajectory/**", "robot/**")]
@@ -176,7 +176,7 @@ def _three_d(run: str, several: bool, framing: Framing) -> rrb.Spatial3DView:
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital,
-            position=[*eye, 0.65 * reach],
+            position=[*eye, 0.56 * reach],
             look_target=[*target, 0.0],
             eye_up=[0.0, 0.0, 1.0],
         ),
