@@ -32,7 +32,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--recording-id", help="the recording that the viewer made for this path")
     parser.add_argument("--config", help="name or path of a configuration; the recording's own by default")
     given, _ = parser.parse_known_args(arguments)  # viewers pass more, and newer ones may pass more still
-    if not may_be_ours(given.path) or _opened_as_folder(given.path, given.application_id):
+    if given.path.suffix == ".npz" and _opened_as_folder(given.path, given.application_id):
+        return 0  # the folder's replay has it already; refused by everybody, it would be reported as an error
+    if not may_be_ours(given.path):
         return NOT_OURS
     from pfslam_viz.errors import PfslamError
     from pfslam_viz.recordings.catalog import is_recording
@@ -61,8 +63,8 @@ def may_be_ours(path: Path) -> bool:
 
 
 def _opened_as_folder(path: Path, application: str | None) -> bool:
-    """Whether the viewer is opening a folder of ours, which it hands over whole, and comes to a file in it."""
-    if path.is_dir() or application is None or application == path.name.split(".")[0]:
+    """Whether the viewer is opening a set's folder, which it hands over whole, and has come to a file in it."""
+    if application is None or application == path.name.split(".")[0]:
         return False
     above = [folder for folder in path.resolve().parents[:3] if folder.name == application]
     return any(may_be_ours(folder) for folder in above)

@@ -64,7 +64,10 @@ def test_a_sets_lidar_file_and_its_folder_are_taken(tmp_path, started):
 
 def test_a_folder_opened_whole_is_not_opened_again_file_by_file(tmp_path, started):
     folder = course_set(tmp_path / "set")
-    assert main([str(folder / "Hokuyo21.npz"), "--application-id", "set"]) == NOT_OURS
+    for name in ("Hokuyo21.npz", "Imu21.npz"):
+        assert main([str(folder / name), "--application-id", "set"]) == 0  # ours, and nothing to add
+    assert main([str(folder / "notes.txt"), "--application-id", "set"]) == NOT_OURS
+    assert main([str(folder / "Imu21.npz"), "--application-id", "Imu21"]) == NOT_OURS
     assert started == []
 
 
