@@ -88,6 +88,9 @@ class MatchingConfig(_Section):
     degenerate: NonNegative = Field(
         0.01, description="a direction with less than this share of the scan's information is left to the odometry"
     )
+    lost: float = Field(0.6, ge=0, le=1, description="a match that agrees less than this is tried again from around")
+    lost_distance: Positive = Field(0.2, description="m; how far around")
+    lost_angle: Positive = Field(0.2, description="rad; how far around")
     memory: int = Field(1000, ge=1, description="a wall's place is the mean over so many end points")
 
 
@@ -101,6 +104,7 @@ class RaoBlackwellizedConfig(_Section):
     floor: float = Field(0.1, gt=0, lt=1, description="share of end points that no wall explains")
     temper: Positive = Field(0.1, description="exponent of the scan's likelihood: beams are not independent")
     scan_temper: Positive = Field(0.05, description="exponent of the scan-to-scan match's likelihood")
+    scan_overlap: float = Field(0.25, ge=0, le=1, description="share of matched end points below which odometry rules")
     log_odds_hit: Positive = 0.9
     log_odds_miss: Positive = 0.1
     log_odds_bound: Positive = 4.0
@@ -129,7 +133,7 @@ class SmoothingConfig(_Section):
     radius: Positive = Field(2.0, description="m; key scans this near are neighbours")
     neighbours: int = Field(3, ge=0, description="earlier visits that a key scan is matched with")
     apart: int = Field(30, ge=1, description="key scans between two visits")
-    overlap: float = Field(0.4, ge=0, le=1, description="share of matched end points below which a match is refused")
+    overlap: float = Field(0.3, ge=0, le=1, description="share of matched end points below which a match is refused")
     distance: Positive = Field(0.05, description="m; mean distance from the walls above which a match is refused")
     temper: Positive = Field(0.1, description="exponent of a match's likelihood")
     noise_distance: Positive = Field(0.1, description="odometry: m of error per m driven")

@@ -19,25 +19,28 @@ class History:
         self._carried: Indices = np.arange(count)
         self._key_of: list[int] = []
         self._offsets: list[Array] = []
-        self._arrivals: list[Array] = []
+        self._odometry: list[Array] = []
+        self._moved: list[Array] = []
 
     def __len__(self) -> int:
         """How many key scans there are."""
         return len(self._poses)
 
-    def add_key(self, poses: Array, arrival: Array) -> None:
-        """A scan was used, with the particles at ``poses`` (N, 3), ``arrival`` (3,) of odometry after the one before.
+    def add_key(self, poses: Array, odometry: Array, moved: Array) -> None:
+        """A scan was used, with the particles at ``poses`` (N, 3).
 
-        Call it before :meth:`add_scan`.
+        ``odometry`` (3,) led there from the key scan before, ``moved`` (3,) is what scan matching made of it. Call it
+        before :meth:`add_scan`.
         """
         self.keys.append(len(self._key_of))
         self._poses.append(poses.copy())
-        self._arrivals.append(arrival)
+        self._odometry.append(odometry)
+        self._moved.append(moved)
         self._parents.append(self._carried)
         self._carried = np.arange(len(poses))
 
     def add_scan(self, offset: Array) -> None:
-        """A scan came in, ``offset`` (3,) of odometry after the last key scan (zero for a key scan)."""
+        """A scan came in at ``offset`` (3,) from the last key scan, which is zero for a key scan itself."""
         self._key_of.append(len(self._poses) - 1)
         self._offsets.append(offset)
 
@@ -70,7 +73,7 @@ class History:
     def trajectory(self, key_poses: Array) -> Array:
         """(n, 3) a pose for every scan so far, through ``key_poses`` (keys, 3).
 
-        Between two key scans the odometry's shape is kept; what it misses the second one by is spread evenly.
+        Between two key scans the offsets' shape is kept; what they miss the second one by is spread evenly.
         """
         key, offset = np.array(self._key_of), np.array(self._offsets).reshape(-1, 3)
         if len(key) == 0:
@@ -79,10 +82,11 @@ class History:
         first = np.array(self.keys)
         share = (np.arange(len(key)) - first[key]) / np.diff(first, append=len(key))[key]
         inner = key < len(key_poses) - 1
-        missed = geometry.between(self.arrivals()[1:], geometry.between(key_poses[:-1], key_poses[1:]))
+        moved = np.array(self._moved)[1:]
+        missed = geometry.between(moved, geometry.between(key_poses[:-1], key_poses[1:]))
         out[inner] = geometry.compose(out[inner], missed[key[inner]] * share[inner, None])
         return out
 
-    def arrivals(self) -> Array:
+    def odometry(self) -> Array:
         """(keys, 3) the odometry that led from the key scan before to each key scan; zero for the first."""
-        return np.array(self._arrivals).reshape(-1, 3)
+        return np.array(self._odometry).reshape(-1, 3)

@@ -15,6 +15,8 @@ from pfslam_viz.slam.wall_map import WallMap
 Array = NDArray[np.float64]
 
 AT_REST = 1e-4  # m in one scan: a robot that moves less has stopped
+STARTS = np.stack(np.meshgrid([0, -1, 1], [0, -1, 1], [0, -0.5, 0.5, -1, 1]), axis=-1).reshape(-1, 3)
+THIN = 4  # one end point in so many weighs the particles
 WORTH = 0.1  # share of a key scan's motion after which a stop is worth a key scan
 
 
@@ -87,6 +89,8 @@ class MatchingFilter:
         covariance += np.diag([m.least_distance**2, m.least_distance**2, m.least_angle**2])
         prior = np.asarray(np.linalg.inv(covariance), np.float64)
         pose, information, score, partners = self.grid.match(guess, prior, points, normals)
+        if score < m.lost:
+            pose, information, score, partners = self._search(guess, prior, points, normals)
         self._informative = bool(partners[:, 4].any())
         if not self._informative:
             return
@@ -101,13 +105,29 @@ class MatchingFilter:
         self._particles[:, 2] = geometry.wrap(self._particles[:, 2])
         self._log_weights = (
             self._log_weights
-            + m.temper * point_to_line.log_likelihoods(self._particles, points, partners, m.sigma)
+            + m.temper
+            * THIN
+            * point_to_line.log_likelihoods(self._particles, points[::THIN], partners[::THIN], m.sigma)
             - 0.5 * np.einsum("ni,ij,nj->n", after, prior, after)
             + 0.5 * np.einsum("ni,ij,nj->n", before, prior, before)
         )
         self._match = Match(
             correction=geometry.between(guess, self._particles[0]), score=score, degenerate=open_direction
         )
+
+    def _search(self, guess: Array, prior: Array, points: Array, normals: Array) -> tuple[Array, Array, float, Array]:
+        """The best of the matches that start round the guess: where the odometry has failed, it takes a wider look."""
+        m = self.config.matching
+        found, best = None, -np.inf
+        for start in STARTS * [m.lost_distance, m.lost_distance, m.lost_angle]:
+            result = self.grid.match(guess, prior, points, normals, guess + start)
+            away = result[0] - guess
+            value = m.temper * point_to_line.log_likelihoods(result[0][None], points, result[3], m.sigma)[0]
+            value -= 0.5 * float(away @ prior @ away)
+            if value > best:
+                found, best = result, value
+        assert found is not None
+        return found
 
     def _spread(self) -> tuple[Array, Array]:
         weights = np.exp(self._log_weights - self._log_weights.max())

@@ -16,7 +16,9 @@ Walls = NDArray[np.float32]  # (rows, columns, 5): number of end points, their m
 COUNT, X, Y, NORMAL_X, NORMAL_Y = range(5)
 ALIKE = 0.7  # least cosine between normals of one wall
 SURE = 0.5  # least length of a cell's mean normal: 1 when all end points agreed on it
-ITERATIONS = 10
+ITERATIONS = 15
+FEW = 4  # while sigma is wide, one end point in so many is enough
+WIDE = 4.0  # sigmas at the first iteration, halved at each
 
 
 @njit(cache=True, nogil=True)
@@ -179,6 +181,7 @@ def match(
     cell: float,
     guess: Floats,
     prior: Floats,
+    start: Floats,
     points: Floats,
     normals: Floats,
     search: int,
@@ -191,12 +194,22 @@ def match(
     ``prior`` (3, 3) is the information about ``guess`` (3,), world frame. Returns the pose, the scan's information
     (3, 3) there, tempered, and the mean weight of the end points in [0, 1]; ``partners`` (m, 5) keeps the last pairs.
     """
-    pose = guess.copy()
+    pose = start.copy()
     information, gradient = np.zeros((3, 3)), np.zeros(3)
+    few_points, few_normals, few_partners = points[::FEW].copy(), normals[::FEW].copy(), partners[::FEW].copy()
     total = 0.0
-    for _ in range(ITERATIONS):
-        find_walls(walls, occupied, origin_row, origin_column, cell, pose, points, normals, search, partners)
-        total = normal_equations(pose, points, partners, sigma, information, gradient)
+    for iteration in range(ITERATIONS):
+        width = max(WIDE * 0.5**iteration, 1.0) * sigma
+        if width > sigma:
+            find_walls(
+                walls, occupied, origin_row, origin_column, cell, pose, few_points, few_normals, search, few_partners
+            )
+            normal_equations(pose, few_points, few_partners, width, information, gradient)
+            information *= FEW
+            gradient *= FEW
+        else:
+            find_walls(walls, occupied, origin_row, origin_column, cell, pose, points, normals, search, partners)
+            total = normal_equations(pose, points, partners, sigma, information, gradient)
         away = pose - guess
         for i in range(3):
             gradient[i] *= temper
@@ -205,7 +218,7 @@ def match(
                 gradient[i] += prior[i, j] * away[j]
         step = solve(information + prior, -gradient)
         pose += step
-        if abs(step[0]) + abs(step[1]) < 1e-4 and abs(step[2]) < 1e-5:
+        if width == sigma and abs(step[0]) + abs(step[1]) < 1e-4 and abs(step[2]) < 1e-5:
             break
     return pose, information, total / max(len(points), 1)
 
@@ -215,7 +228,7 @@ def log_likelihoods(poses: Floats, points: Floats, partners: Floats, sigma: floa
     """Log-likelihood (N,) of the scan from each of the poses (N, 3), up to a constant, with the pairs as they are.
 
     The sum over end points of Geman and McClure's -2 d² / (4 sigma² + d²), which is -(d / sigma)² / 2 near the wall and
-    levels out at -2.
+    levels out at -2, which is also what an end point without a partner counts.
     """
     out = np.zeros(len(poses))
     for k in range(len(poses)):
@@ -225,6 +238,6 @@ def log_likelihoods(poses: Floats, points: Floats, partners: Floats, sigma: floa
             x = poses[k, 0] + c * points[b, 0] - s * points[b, 1] - partners[b, 0]
             y = poses[k, 1] + s * points[b, 0] + c * points[b, 1] - partners[b, 1]
             square = (partners[b, 2] * x + partners[b, 3] * y) ** 2
-            total += partners[b, 4] * square / (4.0 * sigma * sigma + square)
+            total += square / (4.0 * sigma * sigma + square) if partners[b, 4] > 0.0 else 1.0
         out[k] = -2.0 * total
     return out

@@ -51,16 +51,16 @@ def propose(
     halvings: int,
     normals: Floats,
     spread: Floats,
-) -> tuple[Floats, Floats, Floats, Floats]:
+) -> tuple[Floats, Floats]:
     """Match and sample for every particle.
 
     ``guesses`` (N, 3) are the poses by motion alone, ``prior`` (3, 3) its information in the frame of the guess.
     Coordinate search starts with ``steps`` (2,) m and rad and halves them ``halvings`` times; ``normals`` (N, S, 3) are
-    standard normal draws scaled by ``spread`` (2,) m and rad round the optimum. Returns the optimum (N, 3), the mean
-    (N, 3) and the covariance (N, 3, 3) of the posterior round it, and the log-evidence (N,).
+    standard normal draws scaled by ``spread`` (2,) m and rad round the optimum. Returns the mean of
+    the posterior round the optimum (N, 3) and the log-evidence (N,).
     """
     n, samples = normals.shape[0], normals.shape[1]
-    optima, means, covariances = np.empty((n, 3)), np.empty((n, 3)), np.zeros((n, 3, 3))
+    means = np.empty((n, 3))
     evidence = np.empty(n)
     logs = np.empty(samples + 1)
     drawn = np.empty((samples + 1, 3))
@@ -85,7 +85,6 @@ def propose(
                         best, x, y, heading = value, nx, ny, nh
                         improved = True
             step, turn = 0.5 * step, 0.5 * turn
-        optima[p, 0], optima[p, 1], optima[p, 2] = x, y, heading
         drawn[samples, 0], drawn[samples, 1], drawn[samples, 2] = x, y, heading
         logs[samples] = best
         top = best
@@ -107,20 +106,8 @@ def propose(
             mh += w * drawn[k, 2]
         mx, my, mh = mx / total, my / total, mh / total
         means[p, 0], means[p, 1], means[p, 2] = mx, my, mh
-        for k in range(samples + 1):
-            w = logs[k] / total
-            d0, d1, d2 = drawn[k, 0] - mx, drawn[k, 1] - my, drawn[k, 2] - mh
-            covariances[p, 0, 0] += w * d0 * d0
-            covariances[p, 0, 1] += w * d0 * d1
-            covariances[p, 0, 2] += w * d0 * d2
-            covariances[p, 1, 1] += w * d1 * d1
-            covariances[p, 1, 2] += w * d1 * d2
-            covariances[p, 2, 2] += w * d2 * d2
-        covariances[p, 1, 0] = covariances[p, 0, 1]
-        covariances[p, 2, 0] = covariances[p, 0, 2]
-        covariances[p, 2, 1] = covariances[p, 1, 2]
         evidence[p] = top + math.log(total / (samples + 1))
-    return optima, means, covariances, evidence
+    return means, evidence
 
 
 @njit(cache=True, nogil=True)

@@ -1,5 +1,7 @@
 """The filter with a map per particle: Rao-Blackwellized SLAM (Doucet et al. 2000; Grisetti et al. 2007)."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,7 +14,7 @@ from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.slam.proposal import propose, spread_points
 from pfslam_viz.slam.protocol import Estimate, Match, Scan
 from pfslam_viz.slam.pose_graph import turned
-from pfslam_viz.slam.scan_matching import Matches, ScanStore
+from pfslam_viz.slam.scan_matching import ScanStore
 from pfslam_viz.slam.smoothing import smooth
 from pfslam_viz.slam.tile_maps import TileMaps
 
@@ -23,6 +25,18 @@ GATES = np.array([0.5, 0.3, 0.2, 0.1])  # m: greatest distance of correspondence
 
 
 DOUBT = 4.0  # how much wider than its noise the odometry's prior is while a scan is matched: wheels also slip
+
+
+STILL = 1e-4  # m or rad: below it the robot stands
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """The increment (3,) since the last key scan, its covariance (3, 3), and how much of the scan matched [0, 1]."""
+
+    increment: Array
+    covariance: Array
+    overlap: float
 
 
 class RaoBlackwellizedFilter:
@@ -43,10 +57,12 @@ class RaoBlackwellizedFilter:
         self._parents = self._drawn = np.arange(n)
         self._maps = TileMaps(n, self._settings)
         self._history = History(n)
-        self._scans: ScanStore | None = None
+        self._scans = ScanStore(np.zeros(2))
         self._key_particles = self._particles
         self._smoothed: Array | None = None
-        self._moved = np.zeros(3)  # odometry since the last key scan
+        self._odometry = np.zeros(3)  # since the last key scan
+        self._moved = np.zeros(3)  # the same, corrected by matching the scans
+        self._still = True
         self._driven = self._turned = 0.0
         self._keyed = self._resampled = False
         self._match: Match | None = None
@@ -66,9 +82,12 @@ class RaoBlackwellizedFilter:
     def predict(self, increment: Array, dt: float) -> None:
         """Carry every particle along with the odometry; its noise is drawn when a scan is used."""
         self._particles = kernels.move(self._particles, increment, np.zeros_like(self._particles))
+        self._odometry = geometry.compose(self._odometry, increment)
         self._moved = geometry.compose(self._moved, increment)
-        self._driven += float(np.hypot(increment[0], increment[1]))
-        self._turned += abs(float(increment[2]))
+        step, turn = float(np.hypot(increment[0], increment[1])), abs(float(increment[2]))
+        self._driven += step
+        self._turned += turn
+        self._still = step < STILL and turn < STILL
 
     def update(self, scan: Scan) -> None:
         """If the robot has moved on, match the scan with every particle's map and weigh the particles by it."""
@@ -76,53 +95,34 @@ class RaoBlackwellizedFilter:
         first = len(self._history) == 0
         self._keyed = first or self._driven >= s.update_distance or self._turned >= s.update_angle
         self._match = None
-        if self._keyed:
+        if first:
             self._remember(scan)
-        if self._keyed and not first:
-            self._propose(scan)
+        elif self._keyed or not self._still:
+            self._remember(scan)
+            motion = self._match_last()
+            self._moved = motion.increment
+            if self._keyed:
+                self._propose(scan, motion)
+            else:
+                self._scans.drop_last()
+                self._particles = geometry.compose(self._key_particles, self._moved)
         weights = np.exp(self._log_weights - self._log_weights.max())
         self._weighed = (self._particles, weights / weights.sum())
         self._parents, self._drawn = self._drawn, np.arange(len(weights))
         if self._keyed:
-            self._history.add_key(self._particles, self._moved)
-            self._moved, self._driven, self._turned = np.zeros(3), 0.0, 0.0
+            self._history.add_key(self._particles, self._odometry, self._moved)
+            self._odometry, self._moved = np.zeros(3), np.zeros(3)
+            self._driven = self._turned = 0.0
         self._history.add_scan(self._moved)
-
-    def _propose(self, scan: Scan) -> None:
-        s, n = self._settings, len(self._particles)
-        increment, covariance, match = self._match_last(scan)
-        root = np.linalg.cholesky(covariance)
-        noise = self._rng.standard_normal((n, 3)) @ root.T
-        guesses = geometry.compose(self._key_particles, increment + noise)
-        points = spread_points(scan.points, scan.origin, s.max_range, s.match_spacing, s.match_beams)
-        optima, means, covariances, evidence = propose(
-            self._maps.table,
-            self._maps.field,
-            self._maps.origin,
-            s.cell,
-            points,
-            s.temper,
-            guesses,
-            turned(np.linalg.inv(covariance), increment[2]),
-            np.array([s.search_distance, s.search_angle]),
-            s.search_halvings,
-            self._rng.standard_normal((n, s.samples, 3)),
-            np.array([s.sample_distance, s.sample_angle]),
-        )
-        before, self._particles = self._particles, means
-        self._particles[:, 2] = geometry.wrap(self._particles[:, 2])
-        self._log_weights += evidence
-        k = int(np.argmax(self._log_weights))
-        self._match = Match(correction=geometry.between(before[k], means[k]), score=match.overlap[0])
 
     def _remember(self, scan: Scan) -> None:
         near = np.hypot(*(scan.points - scan.origin).T) <= self._settings.max_range
-        if self._scans is None:
+        if len(self._scans) == 0:
             self._scans = ScanStore(scan.origin)
         self._scans.add(scan.points[near])
 
-    def _match_last(self, scan: Scan) -> tuple[Array, Array, Matches]:
-        """The motion since the last key scan, odometry and scans fused: increment (3,) and its covariance (3, 3)."""
+    def _match_last(self) -> "Motion":
+        """Odometry and scans fused: how the robot moved from the last key scan to the scan that came last."""
         s = self._settings
         deviation = np.array(
             [
@@ -133,19 +133,46 @@ class RaoBlackwellizedFilter:
         )
         prior = deviation**-2
         last = len(self._scans) - 1
-        match = self._scans.match(
+        found = self._scans.match(
             np.array([last - 1]),
             np.array([last]),
             self._moved[None],
             prior / DOUBT**2,
             GATES,
-            stride=1 + len(scan.points) // 360,
+            stride=1 + len(self._scans.points_of(last)) // 360,
         )
-        information = np.diag(prior)
-        if match.overlap[0] < 0.25:
-            return self._moved, np.diag(deviation**2), match
-        information = information + s.scan_temper * match.information[0]
-        return match.poses[0], np.linalg.inv(information), match
+        overlap = float(found.overlap[0])
+        if overlap < s.scan_overlap:
+            return Motion(self._moved, np.diag(deviation**2), overlap)
+        information = np.diag(prior) + s.scan_temper * found.information[0]
+        return Motion(found.poses[0], np.linalg.inv(information), overlap)
+
+    def _propose(self, scan: Scan, motion: "Motion") -> None:
+        """Move every particle to the mean of its improved proposal, and weigh it by the evidence for it."""
+        s, n = self._settings, len(self._particles)
+        noise = self._rng.standard_normal((n, 3)) @ np.linalg.cholesky(motion.covariance).T
+        guesses = geometry.compose(self._key_particles, motion.increment + noise)
+        points = spread_points(scan.points, scan.origin, s.max_range, s.match_spacing, s.match_beams)
+        means, evidence = propose(
+            self._maps.table,
+            self._maps.field,
+            self._maps.origin,
+            s.cell,
+            points,
+            s.temper,
+            guesses,
+            turned(np.linalg.inv(motion.covariance), motion.increment[2]),
+            np.array([s.search_distance, s.search_angle]),
+            s.search_halvings,
+            self._rng.standard_normal((n, s.samples, 3)),
+            np.array([s.sample_distance, s.sample_angle]),
+        )
+        means[:, 2] = geometry.wrap(means[:, 2])
+        self._particles = means
+        self._log_weights = self._log_weights + evidence
+        best = int(np.argmax(self._log_weights))
+        by_odometry = geometry.compose(self._key_particles[best], self._odometry)
+        self._match = Match(correction=geometry.between(by_odometry, means[best]), score=motion.overlap)
 
     def update_map(self, scan: Scan) -> None:
         """Every particle writes a used scan into its own map."""
@@ -194,9 +221,9 @@ class RaoBlackwellizedFilter:
 
     def finish(self) -> None:
         """Settle the most likely particle's trajectory in hindsight, and draw its map anew."""
-        if not self.config.smoothing.enabled or self._scans is None:
+        if not self.config.smoothing.enabled or len(self._scans) == 0:
             return
-        self._smoothed = smooth(self._scans, self._key_poses(), self._history.arrivals(), self.config.smoothing)
+        self._smoothed = smooth(self._scans, self._key_poses(), self._history.odometry(), self.config.smoothing)
         maps = TileMaps(1, self._settings)
         for k, pose in enumerate(self._smoothed):
             maps.draw(pose[None], self._scans.points_of(k), self._scans.sensor)

@@ -78,6 +78,10 @@ class ScanStore:
         self._count += 1
         self._first[self._count] = end
 
+    def drop_last(self) -> None:
+        """Forget the scan added last."""
+        self._count -= 1
+
     def match(
         self,
         references: NDArray[np.int64],

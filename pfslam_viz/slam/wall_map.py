@@ -34,16 +34,18 @@ class WallMap(OccupancyGrid):
             self.walls, self.occupied, *self.origin, self.cell, pose, points, normals, self.matching.memory
         )
 
-    def match(self, guess: Array, prior: Array, points: Array, normals: Array) -> tuple[Array, Array, float, Array]:
+    def match(
+        self, guess: Array, prior: Array, points: Array, normals: Array, start: Array | None = None
+    ) -> tuple[Array, Array, float, Array]:
         """The pose (3,) that agrees best with the scan and with ``guess`` (3,), whose information ``prior`` (3, 3) is.
 
-        Also the information (3, 3) that the scan adds, the mean agreement of its end points in [0, 1], and for each of
+        The climb begins at ``start`` (3,), or at the guess. Also the information (3, 3) that the scan adds, the mean agreement of its end points in [0, 1], and for each of
         them the wall it was paired with (m, 5).
         """
         m = self.matching
         partners = np.zeros((len(points), 5))
         pose, information, score = point_to_line.match(
             self.walls, self.occupied, *self.origin, self.cell,
-            guess, prior, points, normals, m.search, m.sigma, m.temper, partners,
+            guess, prior, guess if start is None else start, points, normals, m.search, m.sigma, m.temper, partners,
         )  # fmt: skip
         return pose, information, score, partners
