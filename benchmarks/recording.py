@@ -2,7 +2,7 @@
 
     python -m benchmarks recording --recording 21 --data DIR --config default
 
-The viewer runs headless, as set up by benchmarks/headless.py; a seek is measured until the moment is painted, and
+The viewer runs without a window; a seek is measured until the moment is painted, and
 compared with the same in a recording that holds one empty view.
 """
 
@@ -14,8 +14,8 @@ from pathlib import Path
 from statistics import median
 
 from benchmarks.case import ROOT
-from benchmarks.headless import headless_viewer
 from benchmarks.speed import add_case_options, case_of, replay_command
+from pfslam_viz.viewer.headless import headless_viewer
 
 SEEKS = 15
 
@@ -31,47 +31,48 @@ def main(arguments: list[str]) -> None:
         if given.rrd is None:
             subprocess.run(replay_command(case_of(given), path), cwd=ROOT, check=True)
         empty = Path(folder) / "empty.rrd"
-        steps = last_step(path)
-        write_empty(empty, steps)
+        full = measure(path)
+        write_empty(empty, int(full["steps"]))
+        nothing = measure(empty)
         print("| | this recording | an empty view |", "| --- | ---: | ---: |", sep="\n")
-        (full, nothing) = (measure(p, steps) for p in (path, empty))
     for name, unit in (("file", "MB"), ("opening", "s"), ("seek, median", "ms"), ("seek, longest", "ms")):
         print(f"| {name} | {full[name]:.4g} {unit} | {nothing[name]:.4g} {unit} |")
     for name in ("viewer's memory", "viewer's peak memory"):
         print(f"| {name} | {full[name]:,.0f} MB | {nothing[name]:,.0f} MB |")
-    print(f"\n{steps + 1:,} steps; a seek takes {full['seek, median'] / nothing['seek, median']:.2f} x an empty view's")
+    print(
+        f"\n{full['steps']:,.0f} steps; a seek takes {full['seek, median'] / nothing['seek, median']:.2f} x an empty view's"
+    )
 
 
-def measure(path: Path, steps: int) -> dict[str, float]:
+def measure(path: Path) -> dict[str, float]:
     """Open the recording in a fresh viewer and seek to and fro."""
     with headless_viewer() as viewer:
         opening = viewer.open(path)
+        steps = viewer.last_step()
         viewer.seek(steps)
         places = [(k * 7919) % SEEKS * steps // SEEKS for k in range(SEEKS)]  # all over the place, each once
         seeks = [1e3 * viewer.seek(step) for step in places]
         if reports := viewer.reports():
             print(f"{path.name}: the views report {reports}", file=sys.stderr)
-        memory = viewer.memory_mb()
+        memory = resident_mb(viewer.process.pid)
     return {
         "file": path.stat().st_size / 1e6,
+        "steps": steps + 1,
         "opening": opening,
         "seek, median": median(seeks),
         "seek, longest": max(seeks),
-        "viewer's memory": memory["now"],
-        "viewer's peak memory": memory["peak"],
+        **memory,
     }
 
 
-def last_step(path: Path) -> int:
-    """The last step that anything is logged at."""
-    from rerun.chunk import RrdReader
-
-    last = 0
-    for chunk in RrdReader(str(path)).stream():
-        batch = chunk.to_record_batch()
-        if "step" in batch.schema.names and batch.num_rows:
-            last = max(last, *(value for value in batch.column("step").to_pylist() if value is not None))
-    return last
+def resident_mb(pid: int) -> dict[str, float]:
+    """A process's memory now and at its peak, from Linux's /proc."""
+    status = Path(f"/proc/{pid}/status").read_text()
+    values = {line.split(":")[0]: line.split()[1] for line in status.splitlines() if line.startswith("Vm")}
+    return {
+        "viewer's memory": int(values["VmRSS"]) * 1024 / 1e6,
+        "viewer's peak memory": int(values["VmHWM"]) * 1024 / 1e6,
+    }
 
 
 def write_empty(path: Path, steps: int) -> None:
@@ -84,7 +85,7 @@ def write_empty(path: Path, steps: int) -> None:
     recording.save(path, default_blueprint=layout)
     recording.send_columns(
         "/elsewhere",
-        [rr.TimeColumn("step", sequence=range(steps + 1))],
-        rr.Scalars.columns(scalars=[0.0] * (steps + 1)),
+        [rr.TimeColumn("step", sequence=range(steps))],
+        rr.Scalars.columns(scalars=[0.0] * steps),
     )
     recording.disconnect()
