@@ -39,9 +39,8 @@ def main(arguments: list[str]) -> None:
         print(f"| {name} | {full[name]:.4g} {unit} | {nothing[name]:.4g} {unit} |")
     for name in ("viewer's memory", "viewer's peak memory"):
         print(f"| {name} | {full[name]:,.0f} MB | {nothing[name]:,.0f} MB |")
-    print(
-        f"\n{full['steps']:,.0f} steps; a seek takes {full['seek, median'] / nothing['seek, median']:.2f} x an empty view's"
-    )
+    ratio = full["seek, median"] / nothing["seek, median"]
+    print(f"\n{full['steps']:,.0f} steps; a seek takes {ratio:.2f} x an empty view's")
 
 
 def measure(path: Path) -> dict[str, float]:
