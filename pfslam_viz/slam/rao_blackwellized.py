@@ -27,6 +27,7 @@ GATES = np.array([0.5, 0.3, 0.2, 0.1])  # m: greatest distance of correspondence
 DOUBT = 4.0  # how much wider than its noise the odometry's prior is while a scan is matched: wheels also slip
 
 
+BEAMS = 200  # end points that are matched with the last key scan, about
 STILL = 1e-4  # m or rad: below it the robot stands
 
 
@@ -139,7 +140,7 @@ class RaoBlackwellizedFilter:
             self._moved[None],
             prior / DOUBT**2,
             GATES,
-            stride=1 + len(self._scans.points_of(last)) // 360,
+            stride=1 + self._scans.size_of(last) // BEAMS,
         )
         overlap = float(found.overlap[0])
         if overlap < s.scan_overlap:

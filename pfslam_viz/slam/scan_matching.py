@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
 Indices = NDArray[np.int64]
 
+MOST = 400  # end points of a scan that are kept
 WALL_REACH = 0.3  # m: neighbours that tell a wall's direction
 OPEN = 0.03  # a direction is open where the walls' normals lean into it by less than about 10 degrees
 NOISE = 0.02  # m: how far an end point may lie off its wall before it loses its say
@@ -32,7 +34,7 @@ class ScanStore:
 
     def __init__(self, sensor: Array) -> None:
         self.sensor = sensor
-        self._rows = np.zeros((1024, 5))
+        self._rows = np.zeros((1024, 5), np.float32)
         self._first = np.zeros(64, np.int64)
         self._count = 0
 
@@ -40,17 +42,17 @@ class ScanStore:
         return self._count
 
     @property
-    def points(self) -> Array:
+    def points(self) -> Singles:
         """(p, 2) m."""
         return self._rows[:, 0:2]
 
     @property
-    def normals(self) -> Array:
+    def normals(self) -> Singles:
         """(p, 2) unit vectors or zero."""
         return self._rows[:, 2:4]
 
     @property
-    def bearings(self) -> Array:
+    def bearings(self) -> Singles:
         """(p,) rad."""
         return self._rows[:, 4]
 
@@ -61,10 +63,13 @@ class ScanStore:
 
     def points_of(self, scan: int) -> Array:
         """(m, 2) end points of one scan."""
-        return self.points[self._first[scan] : self._first[scan + 1]]
+        return self.points[self._first[scan] : self._first[scan + 1]].astype(np.float64)
 
     def add(self, points: Array) -> None:
-        """Append a scan's end points (m, 2), in the order of the beams."""
+        """Append a scan's end points (m, 2), in the order of the beams; at most MOST of them, evenly, are kept."""
+        normals = wall_normals(points, self.sensor, WALL_REACH)
+        stride = 1 + (len(points) - 1) // MOST
+        points, normals = points[::stride], normals[::stride]
         start = int(self._first[self._count])
         end = start + len(points)
         while end > len(self._rows):
@@ -73,10 +78,14 @@ class ScanStore:
             self._first = np.concatenate([self._first, np.zeros_like(self._first)])
         seen = points - self.sensor
         self._rows[start:end, 0:2] = points
-        self._rows[start:end, 2:4] = wall_normals(points, self.sensor, WALL_REACH)
+        self._rows[start:end, 2:4] = normals
         self._rows[start:end, 4] = np.unwrap(np.arctan2(seen[:, 1], seen[:, 0]))
         self._count += 1
         self._first[self._count] = end
+
+    def size_of(self, scan: int) -> int:
+        """How many end points one scan has."""
+        return int(self._first[scan + 1] - self._first[scan])
 
     def drop_last(self) -> None:
         """Forget the scan added last."""
@@ -166,7 +175,7 @@ def wall_normals(points: Floats, sensor: Floats, reach: float) -> Floats:
 
 
 @njit(cache=True, nogil=True)
-def _nearest(bearings: Floats, low: int, high: int, value: float) -> int:
+def _nearest(bearings: Singles, low: int, high: int, value: float) -> int:
     while low < high:
         middle = (low + high) // 2
         if bearings[middle] < value:
@@ -208,9 +217,9 @@ def _forget_open_direction(h: Floats, g: Floats) -> None:
 
 @njit(cache=True, nogil=True)
 def match_pairs(
-    points: Floats,
-    normals: Floats,
-    bearings: Floats,
+    points: Singles,
+    normals: Singles,
+    bearings: Singles,
     first: Indices,
     sensor: Floats,
     references: Indices,
@@ -240,7 +249,6 @@ def match_pairs(
         x, y, heading = guesses[k, 0], guesses[k, 1], guesses[k, 2]
         for iteration in range(iterations + 1):
             gate = gates[min(iteration, len(gates) - 1)]
-            window = 1.5 * gate
             width = max(2.0 * sigma, gate / 3.0)  # beyond it a residual loses its say
             c, s = math.cos(heading), math.sin(heading)
             h[:, :] = 0.0
@@ -253,16 +261,19 @@ def match_pairs(
                 lx, ly = px - sensor[0], py - sensor[1]
                 far = math.hypot(lx, ly)
                 bearing = math.atan2(ly, lx)
-                turn = window / max(far, 0.3)
-                low = _nearest(bearings, r0, r1, bearing - turn)
                 best, at = gate * gate, -1
-                i = low
-                while i < r1 and bearings[i] <= bearing + turn:
-                    dx, dy = points[i, 0] - px, points[i, 1] - py
-                    d = dx * dx + dy * dy
-                    if d < best:
-                        best, at = d, i
-                    i += 1
+                middle = _nearest(bearings, r0, r1, bearing)
+                for side in (-1, 1):  # outwards, as long as a point at that bearing can still be nearer
+                    i = middle if side > 0 else middle - 1
+                    while r0 <= i < r1:
+                        away = 0.95 * far * min(abs(bearings[i] - bearing), 0.5)
+                        if away * away >= best:
+                            break
+                        dx, dy = points[i, 0] - px, points[i, 1] - py
+                        d = dx * dx + dy * dy
+                        if d < best:
+                            best, at = d, i
+                        i += side
                 if at < 0:
                     continue
                 nx, ny = normals[at, 0], normals[at, 1]
