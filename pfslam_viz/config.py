@@ -109,13 +109,13 @@ class RaoBlackwellizedConfig(_Section):
     log_odds_miss: Positive = 0.1
     log_odds_bound: Positive = 4.0
     max_range: Positive = Field(20.0, description="m; beams longer than this are neither matched nor drawn")
-    free_beams: int = Field(360, ge=10, description="beams that clear free space at most; all of them mark walls")
+    free_beams: int = Field(200, ge=10, description="beams that clear free space at most; all of them mark walls")
     match_beams: int = Field(180, ge=10, description="end points that are matched, spread evenly along the walls")
     match_spacing: NonNegative = Field(0.05, description="m between end points that are matched")
-    search_distance: Positive = Field(0.05, description="m; first step of the search")
+    search_distance: Positive = Field(0.04, description="m; first step of the search")
     search_angle: Positive = Field(0.02, description="rad; first step of the search")
-    search_halvings: int = Field(5, ge=0, le=10)
-    samples: int = Field(40, ge=1, description="poses drawn round the optimum")
+    search_halvings: int = Field(4, ge=0, le=10)
+    samples: int = Field(30, ge=1, description="poses drawn round the optimum")
     sample_distance: Positive = Field(0.01, description="m; their spread")
     sample_angle: Positive = Field(0.005, description="rad; their spread")
     noise_distance: Positive = Field(0.05, description="odometry: m of error per m driven")

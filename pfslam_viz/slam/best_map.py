@@ -4,6 +4,8 @@ from pfslam_viz.config import Config
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.slam.tile_maps import TileMaps
 
+LOOKED_AT = frozenset({"log_odds", "occupied", "origin", "shape", "lower_left"})
+
 
 class BestMap(OccupancyGrid):
     """The occupancy grid of one map of :class:`TileMaps`: copied out of the tiles when somebody looks, not before."""
@@ -34,7 +36,9 @@ class BestMap(OccupancyGrid):
         self.follow(index)
 
     def __getattribute__(self, name: str) -> object:
-        if name in ("log_odds", "occupied", "origin", "shape", "lower_left", "_marks") and super().__getattribute__("_stale"):
+        if name in ("log_odds", "occupied", "origin", "shape", "lower_left", "_marks") and super().__getattribute__(
+            "_stale"
+        ):
             self._refresh()
         return super().__getattribute__(name)
 

@@ -28,6 +28,18 @@ def move(poses: Floats, increment: Floats, noise: Floats) -> Floats:
 
 
 @njit(cache=True, nogil=True)
+def compose(pose: Floats, increment: Floats) -> Floats:
+    """One pose (3,) moved by one increment (3,): :func:`pfslam_viz.geometry.compose` without its overhead."""
+    out = np.empty(3)
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    out[0] = pose[0] + c * increment[0] - s * increment[1]
+    out[1] = pose[1] + s * increment[0] + c * increment[1]
+    angle = pose[2] + increment[2]
+    out[2] = angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
+    return out
+
+
+@njit(cache=True, nogil=True)
 def moments(poses: Floats, weights: Floats) -> tuple[Floats, Floats, float]:
     """Mean pose (3,), (33), covariance (3, 3) about it and N_eff, (30), of poses (N, 3) whose weights sum to 1."""
     mean, covariance = np.zeros(3), np.zeros((3, 3))

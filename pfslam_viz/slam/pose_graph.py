@@ -4,6 +4,7 @@ Gauss-Newton on the graph of Lu & Milios (1997), as in Grisetti et al. (2010), w
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,8 +44,8 @@ class Constraints:
         )
 
 
-def turned(information: Array, heading: Array | float) -> Array:
-    """Information (..., 3, 3) on a pose's increments, brought from the reference's axes to the pose's own ``heading``."""
+def turned(information: NDArray[Any], heading: Array | float) -> Array:
+    """Information (..., 3, 3) on a pose, brought from the axes of its reference to its own, at ``heading`` rad."""
     c, s = np.cos(heading), np.sin(heading)
     r = np.zeros((*np.shape(heading), 3, 3))
     r[..., 0, 0], r[..., 0, 1], r[..., 1, 0], r[..., 1, 1], r[..., 2, 2] = c, -s, s, c, 1.0
@@ -53,9 +54,7 @@ def turned(information: Array, heading: Array | float) -> Array:
 
 def residuals(poses: Array, constraints: Constraints) -> Array:
     """(k, 3) by how much the poses (n, 3) miss every constraint, in the frame of the measured pose."""
-    return geometry.between(
-        constraints.measured, geometry.between(poses[constraints.start], poses[constraints.end])
-    )
+    return geometry.between(constraints.measured, geometry.between(poses[constraints.start], poses[constraints.end]))
 
 
 def weights(poses: Array, constraints: Constraints, scale: float) -> Array:

@@ -11,11 +11,12 @@ from pfslam_viz.slam import kernels, resampling
 from pfslam_viz.slam.best_map import BestMap
 from pfslam_viz.slam.history import History
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
+from pfslam_viz.slam.pose_graph import turned
 from pfslam_viz.slam.proposal import propose, spread_points
 from pfslam_viz.slam.protocol import Estimate, Match, Scan
-from pfslam_viz.slam.pose_graph import turned
 from pfslam_viz.slam.scan_matching import ScanStore
 from pfslam_viz.slam.smoothing import smooth
+from pfslam_viz.slam.threads import in_halves
 from pfslam_viz.slam.tile_maps import TileMaps
 
 Array = NDArray[np.float64]
@@ -83,8 +84,8 @@ class RaoBlackwellizedFilter:
     def predict(self, increment: Array, dt: float) -> None:
         """Carry every particle along with the odometry; its noise is drawn when a scan is used."""
         self._particles = kernels.move(self._particles, increment, np.zeros_like(self._particles))
-        self._odometry = geometry.compose(self._odometry, increment)
-        self._moved = geometry.compose(self._moved, increment)
+        self._odometry = kernels.compose(self._odometry, increment)
+        self._moved = kernels.compose(self._moved, increment)
         step, turn = float(np.hypot(increment[0], increment[1])), abs(float(increment[2]))
         self._driven += step
         self._turned += turn
@@ -106,7 +107,7 @@ class RaoBlackwellizedFilter:
                 self._propose(scan, motion)
             else:
                 self._scans.drop_last()
-                self._particles = geometry.compose(self._key_particles, self._moved)
+                self._particles = kernels.move(self._key_particles, self._moved, np.zeros_like(self._key_particles))
         weights = np.exp(self._log_weights - self._log_weights.max())
         self._weighed = (self._particles, weights / weights.sum())
         self._parents, self._drawn = self._drawn, np.arange(len(weights))
@@ -154,20 +155,30 @@ class RaoBlackwellizedFilter:
         noise = self._rng.standard_normal((n, 3)) @ np.linalg.cholesky(motion.covariance).T
         guesses = geometry.compose(self._key_particles, motion.increment + noise)
         points = spread_points(scan.points, scan.origin, s.max_range, s.match_spacing, s.match_beams)
-        means, evidence = propose(
-            self._maps.table,
-            self._maps.field,
-            self._maps.origin,
-            s.cell,
-            points,
-            s.temper,
-            guesses,
-            turned(np.linalg.inv(motion.covariance), motion.increment[2]),
-            np.array([s.search_distance, s.search_angle]),
-            s.search_halvings,
-            self._rng.standard_normal((n, s.samples, 3)),
-            np.array([s.sample_distance, s.sample_angle]),
-        )
+        prior = turned(np.linalg.inv(motion.covariance), motion.increment[2])
+        steps = np.array([s.search_distance, s.search_angle])
+        spread = np.array([s.sample_distance, s.sample_angle])
+        normals = self._rng.standard_normal((n, s.samples, 3))
+        maps = self._maps
+
+        def part(k: slice) -> tuple[Array, Array]:
+            return propose(
+                maps.table[k],
+                maps.field,
+                maps.origin,
+                s.cell,
+                points,
+                s.temper,
+                guesses[k],
+                prior,
+                steps,
+                s.search_halvings,
+                normals[k],
+                spread,
+            )
+
+        found = in_halves(part, n, worth=4)
+        means, evidence = (np.concatenate(values) for values in zip(*found, strict=True))
         means[:, 2] = geometry.wrap(means[:, 2])
         self._particles = means
         self._log_weights = self._log_weights + evidence
@@ -178,9 +189,7 @@ class RaoBlackwellizedFilter:
     def update_map(self, scan: Scan) -> None:
         """Every particle writes a used scan into its own map."""
         if self._keyed:
-            s = self._settings
-            near = np.hypot(*(scan.points - scan.origin).T) <= s.max_range
-            self._maps.draw(self._particles, scan.points[near], scan.origin)
+            self._maps.draw(self._particles, self._scans.points_of(len(self._scans) - 1), scan.origin)
             self._grid.follow(int(np.argmax(self._log_weights)))
 
     def resample(self) -> None:

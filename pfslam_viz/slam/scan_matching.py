@@ -11,6 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pfslam_viz.slam.threads import in_halves
+
 Array = NDArray[np.float64]
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -67,9 +69,8 @@ class ScanStore:
 
     def add(self, points: Array) -> None:
         """Append a scan's end points (m, 2), in the order of the beams; at most MOST of them, evenly, are kept."""
+        points = points[:: 1 + (len(points) - 1) // MOST]
         normals = wall_normals(points, self.sensor, WALL_REACH)
-        stride = 1 + (len(points) - 1) // MOST
-        points, normals = points[::stride], normals[::stride]
         start = int(self._first[self._count])
         end = start + len(points)
         while end > len(self._rows):
@@ -103,22 +104,26 @@ class ScanStore:
         iterations: int = 15,
     ) -> "Matches":
         """Match scans ``others`` (k,) against ``references`` (k,); see :func:`match_pairs`."""
-        found = match_pairs(
-            self.points,
-            self.normals,
-            self.bearings,
-            self.first,
-            self.sensor,
-            references,
-            others,
-            guesses,
-            gates,
-            iterations,
-            stride,
-            NOISE,
-            prior,
-        )
-        return Matches(*found)
+
+        def part(k: slice) -> tuple[Array, Array, Array, Array]:
+            return match_pairs(
+                self.points,
+                self.normals,
+                self.bearings,
+                self.first,
+                self.sensor,
+                references[k],
+                others[k],
+                guesses[k],
+                gates,
+                iterations,
+                stride,
+                NOISE,
+                prior,
+            )
+
+        found = in_halves(part, len(references), worth=100)
+        return Matches(*(np.concatenate(values) for values in zip(*found, strict=True)))
 
 
 @dataclass(frozen=True, slots=True)

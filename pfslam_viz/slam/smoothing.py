@@ -3,7 +3,10 @@
 Graph-based SLAM as in Lu & Milios (1997) and Konolige et al. (2010), started from the particle filter's trajectory.
 """
 
+import math
+
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
@@ -41,27 +44,40 @@ def smooth(scans: ScanStore, poses: Array, odometry: Array, config: SmoothingCon
 
 def neighbouring(poses: Array, config: SmoothingConfig) -> Indices:
     """Pairs (p, 2) of key scans to match, the earlier first: those a few hops on, and the nearest of earlier visits."""
-    from scipy.spatial import cKDTree
-
     n = len(poses)
     pairs = [np.stack([np.arange(n - hop), np.arange(hop, n)], axis=-1) for hop in HOPS if hop < n]
-    near = cKDTree(poses[:, :2]).query_ball_point(poses[:, :2], config.radius)
-    visits = []
-    for later, candidates in enumerate(near):
-        earlier = np.array(candidates)
-        earlier = earlier[earlier < later - config.apart]
-        away = np.hypot(*(poses[earlier, :2] - poses[later, :2]).T)
-        away += TURN_LENGTH * np.abs(geometry.wrap(poses[earlier, 2] - poses[later, 2]))
-        chosen: list[int] = []
-        for candidate in earlier[np.argsort(away)]:
-            if len(chosen) == config.neighbours:
-                break
-            if all(abs(candidate - other) > config.apart / 2 for other in chosen):
-                chosen.append(int(candidate))
-        visits += [(earlier_one, later) for earlier_one in chosen]
-    if visits:
-        pairs.append(np.array(visits))
+    pairs.append(earlier_visits(poses, config.radius, config.apart, config.neighbours))
     return np.concatenate(pairs)
+
+
+@njit(cache=True, nogil=True)
+def earlier_visits(poses: Array, radius: float, apart: int, most: int) -> Indices:
+    """Pairs (p, 2): for every key scan up to ``most`` earlier ones within ``radius`` m, the nearest of each visit."""
+    n = len(poses)
+    found = np.empty((n * most, 2), np.int64)
+    away = np.empty(n)
+    count = 0
+    for later in range(n):
+        last = later - apart
+        any_near = False
+        for k in range(last):
+            dx, dy = poses[k, 0] - poses[later, 0], poses[k, 1] - poses[later, 1]
+            if dx * dx + dy * dy > radius * radius:
+                away[k] = np.inf
+                continue
+            turn = abs(poses[k, 2] - poses[later, 2]) % (2.0 * math.pi)
+            away[k] = math.hypot(dx, dy) + TURN_LENGTH * min(turn, 2.0 * math.pi - turn)
+            any_near = True
+        if not any_near:
+            continue
+        for _ in range(most):
+            nearest = int(np.argmin(away[:last]))
+            if not away[nearest] < np.inf:
+                break
+            found[count, 0], found[count, 1] = nearest, later
+            count += 1
+            away[max(0, nearest - apart // 2) : min(last, nearest + apart // 2 + 1)] = np.inf
+    return found[:count].copy()
 
 
 def match(scans: ScanStore, poses: Array, pairs: Indices, gates: Array, config: SmoothingConfig) -> Constraints:

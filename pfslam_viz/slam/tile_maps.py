@@ -130,7 +130,14 @@ def field_kernel(cell: float, sigma: float, floor: float) -> Field:
 
 @njit(cache=True, nogil=True)
 def _own(
-    table: Index, log_odds: Field, field: Field, references: Index, free: Index, count: NDArray[np.int64], row: int, column: int
+    table: Index,
+    log_odds: Field,
+    field: Field,
+    references: Index,
+    free: Index,
+    count: NDArray[np.int64],
+    row: int,
+    column: int,
 ) -> int:
     """The tile at a place of one map, made its own if it is shared."""
     tile = table[row, column]
@@ -177,12 +184,12 @@ def write_scans(
     for p in range(first, len(poses)):
         c, s = math.cos(poses[p, 2]), math.sin(poses[p, 2])
         x, y = poses[p, 0], poses[p, 1]
-        start_row = int(math.floor(-(y + s * sensor[0] + c * sensor[1]) / cell)) + origin[0]
-        start_column = int(math.floor((x + c * sensor[0] - s * sensor[1]) / cell)) + origin[1]
+        start_row = math.floor(-(y + s * sensor[0] + c * sensor[1]) / cell) + origin[0]
+        start_column = math.floor((x + c * sensor[0] - s * sensor[1]) / cell) + origin[1]
         low_row, high_row, low_column, high_column = start_row, start_row, start_column, start_column
         for b in range(m):
-            row = int(math.floor(-(y + s * points[b, 0] + c * points[b, 1]) / cell)) + origin[0]
-            column = int(math.floor((x + c * points[b, 0] - s * points[b, 1]) / cell)) + origin[1]
+            row = math.floor(-(y + s * points[b, 0] + c * points[b, 1]) / cell) + origin[0]
+            column = math.floor((x + c * points[b, 0] - s * points[b, 1]) / cell) + origin[1]
             ends[b, 0], ends[b, 1] = row, column
             low_row, high_row = min(low_row, row), max(high_row, row)
             low_column, high_column = min(low_column, column), max(high_column, column)
@@ -293,7 +300,14 @@ def _erase(
 
 @njit(cache=True, nogil=True, fastmath=True)
 def agreement(
-    table: Index, field: Field, origin: NDArray[np.int64], cell: float, points: Floats, x: float, y: float, heading: float
+    table: Index,
+    field: Field,
+    origin: NDArray[np.int64],
+    cell: float,
+    points: Floats,
+    x: float,
+    y: float,
+    heading: float,
 ) -> float:
     """Sum over end points (m, 2) of one map's field, bilinear between cell centres, for the pose (x, y, heading)."""
     c, s = math.cos(heading) / cell, math.sin(heading) / cell
