@@ -39,8 +39,8 @@ class WallMap(OccupancyGrid):
     ) -> tuple[Array, Array, float, Array]:
         """The pose (3,) that agrees best with the scan and with ``guess`` (3,), whose information ``prior`` (3, 3) is.
 
-        The climb begins at ``start`` (3,), or at the guess. Also the information (3, 3) that the scan adds, the mean agreement of its end points in [0, 1], and for each of
-        them the wall it was paired with (m, 5).
+        The climb begins at ``start`` (3,), or at the guess. Also returned: the information (3, 3) that the scan adds,
+        the mean agreement of its end points in [0, 1], and for each of them the wall it was paired with (m, 5).
         """
         m = self.matching
         partners = np.zeros((len(points), 5))

@@ -7,7 +7,7 @@ import pytest
 
 from pfslam_viz.config import MapConfig
 from pfslam_viz.slam import occupancy_grid
-from pfslam_viz.slam.occupancy_grid import MARGIN, OccupancyGrid
+from pfslam_viz.slam.occupancy_grid import MARGIN, OccupancyGrid, Scratch
 from pfslam_viz.slam.worker import Worker
 
 LOG4 = math.log(4)
@@ -126,13 +126,12 @@ def test_an_empty_scan_changes_nothing() -> None:
 
 def test_hits_and_misses_cancel_whatever_their_order() -> None:
     """As often hit as missed is exactly 0, at the threshold of (29), and not a rounding error beside it."""
-    g, pose = grid(), np.array([0.2, -0.2, 0.0])
-    for hits in (1, 3, 0, 2, 0, 1):  # seven hits and seven misses
-        for _ in range(hits):
-            g.add(pose, np.array([[1.5, 0.0]]), HERE)
-        g.add(pose, np.array([[2.5, 0.0]]), HERE)
-    g.add(pose, np.array([[2.5, 0.0]]), HERE)
-    assert at(g, 1.7, -0.2) == 0.0
+    pose = np.array([0.2, -0.2, 0.0])
+    for times in range(1, 25):
+        g = grid(log_odds_hit=0.9, log_odds_miss=0.9)
+        for x in times * [1.5] + times * [2.5]:
+            g.add(pose, np.array([[x, 0.0]]), HERE)
+        assert at(g, 1.7, -0.2) == 0.0
 
 
 def test_correlation_by_hand() -> None:
@@ -158,10 +157,27 @@ def test_correlation_is_the_same_with_a_worker() -> None:
 
 
 def test_marks_start_again_before_they_overflow(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mark that a cell still carries from the round before must not be taken for one of this round."""
     monkeypatch.setattr(occupancy_grid, "MARKS", 10)
+    scratch = Scratch((2, 2))
+    scratch.marks[0, 0] = scratch.take(1)
+    for _ in range(3):
+        scratch.take(3)
+    first = scratch.take(3)
+    assert first + 2 <= 10
+    assert scratch.marks[0, 0] not in range(first, first + 3)
+
+
+@pytest.mark.parametrize(("x", "y"), [(0.25, -31.75), (0.25, 31.75), (-31.75, 0.25), (31.75, 0.25)])
+def test_an_end_point_in_the_outermost_ring_makes_the_grid_grow(x: float, y: float) -> None:
+    """128 cells of 0.5 m about the origin: rows 0 and 127 begin at y = 32 and -31.5, columns at x = -32 and 31.5."""
     g = grid()
-    pose = np.array([0.2, -0.2, 0.0])
-    for _ in range(12):
-        g.add(pose, np.array([[1.5, 0.0]]), HERE)
-        assert g.correlation(np.tile(pose, (4, 1)), np.array([[1.5, 0.0]])).tolist() == [1, 1, 1, 1]
-    assert at(g, 1.7, -0.2) == pytest.approx(12 * LOG4, rel=1e-5)
+    g.add(np.array([0.2, -0.2, 0.0]), np.array([[x - 0.2, y + 0.2]]), HERE)
+    assert at(g, x, y) == pytest.approx(LOG4, rel=1e-5)
+    assert g.shape != (128, 128)
+    ring = np.ones(g.shape, bool)
+    ring[1:-1, 1:-1] = False
+    assert not g.log_odds[ring].any()
+    inner, clip = grid(), lambda v: min(max(v, -31.25), 31.25)  # one cell further in, it need not
+    inner.add(np.array([0.2, -0.2, 0.0]), np.array([[clip(x) - 0.2, clip(y) + 0.2]]), HERE)
+    assert inner.shape == (128, 128)
