@@ -123,10 +123,10 @@ class Replay:
             clock = _Clock(self._seconds, k)
             scan = reader.read(k, float(recording.stamps[k]), recording.ranges[k])
             reckoned = self._dead_reckoning[k]
-            drawn = worker.submit(self._draw_dead_reckoning, reckoned, scan) if worker else None
             if k > 0:  # the first scan is at the origin
                 slam.predict(recording.odometry[k], float(times[k] - times[k - 1]))
             clock.lap("predict")
+            drawn = worker.submit(self._draw_dead_reckoning, reckoned, scan) if worker else None
             slam.update(scan)
             end_points, hits = slam.grid.project(slam.best, scan.points)
             clock.lap("update")

@@ -83,20 +83,23 @@ def correlate(
     ``points`` are in the robot's frame. A cell counts once, however many beams end in it. The grid's outermost ring
     of cells must be unoccupied: points outside the grid are looked up there. ``visited`` is a scratch grid that does
     not yet contain the marks ``mark`` to ``mark + N - 1``. The answer goes to ``counts`` (N,).
+
+    Cells are found in float32, twice as fast: an end point within 1e-4 of a cell's edge may fall on its other side.
     """
     rows, columns = occupied.shape
     m = len(points)
     scale = 1.0 / cell
-    px, py = points[:, 0] * scale, points[:, 1] * scale
+    px, py = (points[:, 0] * scale).astype(np.float32), (points[:, 1] * scale).astype(np.float32)
+    zero, right, bottom = np.float32(0.0), np.float32(columns - 0.5), np.float32(rows - 0.5)
     flat, seen = occupied.ravel(), visited.ravel()
     index = np.empty(m, np.uint32)
     short = np.empty(m + 1, np.uint32)
     for k in range(len(poses)):
-        c, s = math.cos(poses[k, 2]), math.sin(poses[k, 2])
-        x, y = poses[k, 0] * scale + origin_column, origin_row - poses[k, 1] * scale
+        c, s = np.float32(math.cos(poses[k, 2])), np.float32(math.sin(poses[k, 2]))
+        x, y = np.float32(poses[k, 0] * scale + origin_column), np.float32(origin_row - poses[k, 1] * scale)
         for b in range(m):  # vectorised by the compiler; truncation is floor here, as nothing is negative
-            column = min(max(x + c * px[b] - s * py[b], 0.0), columns - 0.5)
-            row = min(max(y - s * px[b] - c * py[b], 0.0), rows - 0.5)
+            column = min(max(x + c * px[b] - s * py[b], zero), right)
+            row = min(max(y - s * px[b] - c * py[b], zero), bottom)
             index[b] = np.int32(row) * np.int32(columns) + np.int32(column)
         # Three passes without branches: neighbours in one cell, unoccupied cells and repeated cells drop out.
         last, distinct = np.uint32(0), np.uint64(0)
@@ -233,6 +236,7 @@ def warm_up() -> None:
     occupied, points = np.zeros((4, 4), np.uint8), np.zeros((1, 2))
     pose = np.zeros((1, 3))
     move(pose, np.zeros(3), pose)
+    compose(pose[0], pose[0])
     moments(pose, np.ones(1))
     correlate(pose, points, occupied, 2, 2, 1.0, scratch, 1, np.zeros(1, np.int64))
     project(np.zeros(3), points, occupied, 2, 2, 1.0)

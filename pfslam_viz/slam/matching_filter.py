@@ -55,7 +55,7 @@ class MatchingFilter:
     def predict(self, increment: Array, dt: float) -> None:
         """Move every particle by the odometry, all but the mode with noise of their own: (13), (17) to (19)."""
         moved = motion.predict(self._particles, increment, dt, self.config.motion, self._rng)
-        moved[0] = geometry.compose(self._particles[0], increment)
+        moved[0] = kernels.compose(self._particles[0], increment)
         self._particles = moved
         distance = math.hypot(increment[0], increment[1])
         self._driven += distance

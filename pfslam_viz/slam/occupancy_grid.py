@@ -10,7 +10,7 @@ Array = NDArray[np.float64]
 
 MARGIN = 64  # cells grown beyond what is asked for, so that growing stays rare
 MARKS = np.iinfo(np.int32).max
-CHUNK = 64  # poses that a thread correlates at a time
+CHUNK = 100  # poses that a thread correlates at a time
 EXACT = 2.0**-16  # float32 adds multiples of it without rounding, so that hits and misses cancel to 0, not to 1e-9
 
 
