@@ -143,6 +143,24 @@ class SmoothingConfig(_Section):
     scale: Positive = Field(5.0, description="sigmas beyond which a match loses its say")
 
 
+class LoopClosingConfig(_Section):
+    """When the key scans are believed to show a place that the trajectory has drifted away from."""
+
+    enabled: bool = True
+    least_loop: Positive = Field(10.0, description="m driven since a place before it is looked for")
+    least_reach: Positive = Field(1.0, description="m searched round about at least ...")
+    drift: NonNegative = Field(0.03, description="... and so many m more per m driven since ...")
+    most_reach: Positive = Field(5.0, description="... but no more than this")
+    most_turn: Positive = Field(0.18, description="rad searched to either side")
+    score: float = Field(0.55, gt=0, le=1, description="mean agreement below which a fit is refused")
+    rival: float = Field(0.85, gt=0, le=1, description="share of the best fit's score that no other place may reach")
+    rival_distance: Positive = Field(0.7, description="m from the best fit where another place begins")
+    overlap: float = Field(0.4, ge=0, le=1, description="share of matched end points below which a fit is refused")
+    distance: Positive = Field(0.03, description="m; mean distance from the walls above which a fit is refused")
+    temper: Positive = Field(0.1, description="exponent of a closure's likelihood")
+    gain: NonNegative = Field(5.0, description="matches by which the graph must agree better with a loop closed")
+
+
 class TextureConfig(_Section):
     """The floor texture map, section K."""
 
@@ -165,6 +183,7 @@ class Config(_Section):
     resampling: ResamplingConfig = ResamplingConfig()
     rao_blackwellized: RaoBlackwellizedConfig = RaoBlackwellizedConfig()
     smoothing: SmoothingConfig = SmoothingConfig()
+    loop_closing: LoopClosingConfig = LoopClosingConfig()
     texture: TextureConfig = TextureConfig()
 
 

@@ -32,6 +32,16 @@ class Constraints:
     def __len__(self) -> int:
         return len(self.start)
 
+    def pick(self, which: Indices) -> "Constraints":
+        """Those at the positions ``which``."""
+        return Constraints(
+            self.start[which], self.end[which], self.measured[which], self.information[which], self.robust[which]
+        )
+
+    def firm(self) -> "Constraints":
+        """The same, none of them robust."""
+        return Constraints(self.start, self.end, self.measured, self.information, np.zeros(len(self), np.bool_))
+
     @staticmethod
     def join(parts: "list[Constraints]") -> "Constraints":
         """All constraints of ``parts`` in one."""

@@ -13,9 +13,9 @@ from pfslam_viz.slam.history import History
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.slam.pose_graph import turned
 from pfslam_viz.slam.proposal import propose, spread_points
-from pfslam_viz.slam.protocol import Estimate, Match, Scan
+from pfslam_viz.slam.protocol import Estimate, LoopClosure, Match, Scan
 from pfslam_viz.slam.scan_matching import ScanStore
-from pfslam_viz.slam.smoothing import smooth
+from pfslam_viz.slam.smoothing import Smoother
 from pfslam_viz.slam.threads import in_halves
 from pfslam_viz.slam.tile_maps import TileMaps
 
@@ -62,6 +62,7 @@ class RaoBlackwellizedFilter:
         self._scans = ScanStore(np.zeros(2))
         self._key_particles = self._particles
         self._smoothed: Array | None = None
+        self._closures: tuple[LoopClosure, ...] = ()
         self._odometry = np.zeros(3)  # since the last key scan
         self._moved = np.zeros(3)  # the same, corrected by matching the scans
         self._still = True
@@ -233,11 +234,23 @@ class RaoBlackwellizedFilter:
         """Settle the most likely particle's trajectory in hindsight, and draw its map anew."""
         if not self.config.smoothing.enabled or len(self._scans) == 0:
             return
-        self._smoothed = smooth(self._scans, self._key_poses(), self._history.odometry(), self.config.smoothing)
+        smoother = Smoother(self._scans, self._history.odometry(), self.config.smoothing, self.config.loop_closing)
+        smoothed = smoother.smooth(self._key_poses())
+        self._smoothed = smoothed.poses
+        self._closures = tuple(self._closure(int(earlier), int(later)) for earlier, later in smoothed.closed)
         maps = TileMaps(1, self._settings)
         for k, pose in enumerate(self._smoothed):
             maps.draw(pose[None], self._scans.points_of(k), self._scans.sensor)
         self._grid.show(maps, 0)
+
+    @property
+    def closures(self) -> tuple[LoopClosure, ...]:
+        """The loops that smoothing closed."""
+        return self._closures
+
+    def _closure(self, earlier: int, later: int) -> LoopClosure:
+        poses, keys = self._key_poses(), self._history.keys
+        return LoopClosure(keys[earlier], keys[later], poses[earlier, :2].copy(), poses[later, :2].copy())
 
     def _key_poses(self) -> Array:
         if self._smoothed is not None:

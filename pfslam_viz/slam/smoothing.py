@@ -4,14 +4,16 @@ Graph-based SLAM as in Lu & Milios (1997) and Konolige et al. (2010), started fr
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
-from pfslam_viz.config import SmoothingConfig
-from pfslam_viz.slam.pose_graph import Constraints, optimize, turned
+from pfslam_viz.config import LoopClosingConfig, SmoothingConfig
+from pfslam_viz.slam.loop_closing import find_loops
+from pfslam_viz.slam.pose_graph import Constraints, optimize, turned, weights
 from pfslam_viz.slam.scan_matching import Matches, ScanStore
 
 Array = NDArray[np.float64]
@@ -21,25 +23,73 @@ HOPS = (1, 2, 4, 8)  # key scans ahead that every key scan is matched with
 FIRST_GATES = np.array([0.5, 0.3, 0.2, 0.1])  # m: greatest distance of correspondences, iteration after iteration
 GATES = np.array([0.2, 0.1])  # once the graph has settled
 GUESS = np.array([0.1, 0.1, 0.05]) ** -2.0  # what holds a match to its guess: 1/m², 1/m², 1/rad²
+SEARCHES = 3  # a closed loop can bring others within reach
+ITERATIONS = 8
 LONGEST_SHIFT = 0.4  # m
 LARGEST_TURN = 0.2  # rad
 BEAMS = 180  # end points a scan that are matched, about
 TURN_LENGTH = 0.7  # m that a rad of heading counts as when the nearest visit is looked for
 
 
-def smooth(scans: ScanStore, poses: Array, odometry: Array, config: SmoothingConfig) -> Array:
-    """Key poses (k, 3) that agree best with all matches between neighbouring key scans and with the odometry.
+@dataclass(frozen=True, slots=True)
+class Smoothed:
+    """Key poses (k, 3) in hindsight, and the pairs (p, 2) of key scans whose loops were closed to get there."""
 
-    ``odometry`` (k, 3) leads from every key scan to the next; row 0 is not used. The first pose stays.
+    poses: Array
+    closed: Indices
+
+
+class Smoother:
+    """The pose graph over one recording's key scans.
+
+    ``odometry`` (k, 3) leads from every key scan to the next; row 0 is not used.
     """
-    if len(poses) < 3:
-        return poses
-    motion = odometry_constraints(odometry, config)
-    for turn in range(config.rounds):
-        pairs = neighbouring(poses, config)
-        matched = match(scans, poses, pairs, FIRST_GATES if turn == 0 else GATES, config)
-        poses = optimize(poses, Constraints.join([motion, matched]), iterations=8, scale=config.scale)
-    return poses
+
+    def __init__(self, scans: ScanStore, odometry: Array, config: SmoothingConfig, loops: LoopClosingConfig) -> None:
+        self.scans, self.config, self.loops = scans, config, loops
+        self._motion = odometry_constraints(odometry, config)
+
+    def smooth(self, poses: Array) -> Smoothed:
+        """The key poses that agree best with all matches between neighbouring key scans and with the odometry.
+
+        The first pose stays. Loops that the particles missed are closed, all of them or else one after the other, if the
+        graph as a whole finds more support with them closed than without.
+        """
+        closed = np.zeros((0, 2), np.int64)
+        if len(poses) < 3:
+            return Smoothed(poses, closed)
+        poses, support = self.relax(poses, FIRST_GATES)
+        if self.loops.enabled:
+            for _ in range(SEARCHES):
+                loops = find_loops(self.scans, poses, self.loops)
+                together = [Constraints.join(loops)] if len(loops) > 1 else []
+                accepted = False
+                for loop in together + loops:
+                    trial, trial_support = self.close(poses, loop)
+                    if trial_support > support + self.loops.gain:
+                        poses, support, accepted = trial, trial_support, True
+                        closed = np.concatenate([closed, np.stack([loop.start, loop.end], axis=-1)])
+                        break
+                if not accepted:
+                    break
+        for _ in range(self.config.rounds - 1):
+            poses, _ = self.relax(poses, GATES)
+        return Smoothed(poses, closed)
+
+    def relax(self, poses: Array, gates: Array) -> tuple[Array, float]:
+        """Match all neighbours and relax the graph once: poses (k, 3), and how many constraints agree with them."""
+        matched = match(self.scans, poses, neighbouring(poses, self.config), gates, self.config)
+        constraints = Constraints.join([self._motion, matched])
+        poses = optimize(poses, constraints, iterations=ITERATIONS, scale=self.config.scale)
+        return poses, float(weights(poses, constraints, self.config.scale).sum())
+
+    def close(self, poses: Array, loop: Constraints) -> tuple[Array, float]:
+        """Pull the graph together at ``loop``, then let it relax without: poses (k, 3) and what agrees with them."""
+        pairs = neighbouring(poses, self.config.model_copy(update={"neighbours": 0}))
+        chain = match(self.scans, poses, pairs, GATES, self.config)
+        pulled = Constraints.join([self._motion, chain.firm(), loop])  # firm: it bends as a whole, it does not snap
+        poses = optimize(poses, pulled, iterations=2 * ITERATIONS, scale=self.config.scale)
+        return self.relax(*self.relax(poses, FIRST_GATES)[:1], GATES)
 
 
 def neighbouring(poses: Array, config: SmoothingConfig) -> Indices:
