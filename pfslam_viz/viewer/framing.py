@@ -22,7 +22,7 @@ ASPECT = 1.4
 MARGIN = 1.0  # m of floor shown around what there is to see
 SAMPLED_SCANS = 150
 OUTLIERS = (0.5, 99.5)  # per cent of the points that count: a beam through a window does not
-REACH = 0.25  # how far dead reckoning may widen the picture of the filter's map, as a share of it
+REACH = 0.12  # how far dead reckoning may widen the picture of the filter's map, as a share of it
 
 
 @dataclass(frozen=True, slots=True)

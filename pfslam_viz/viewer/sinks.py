@@ -29,6 +29,7 @@ LOOPBACK = ("127.0.0.1", "::1", "localhost")
 START_SECONDS = 20.0  # a viewer has this long to open its port
 FLUSH_SECONDS = 2.0  # a viewer has this long to take a block before it counts as slow
 PATIENCE = 3  # slow blocks in a row before it counts as gone
+WRITE_SECONDS = 30.0  # a disk has this long to take a block; Rerun does not always notice that it cannot
 CLOSE_SECONDS = 20.0  # a viewer has this long to take the rest at the end
 
 
@@ -39,6 +40,7 @@ class _Destination:
     name: str
     stream: rr.RecordingStream
     live: bool
+    to_file: bool = False
     slow: int = 0
 
 
@@ -113,14 +115,21 @@ class Sink:
                 d.stream.send_blueprint(blueprint, make_active=True, make_default=True)
 
     def check(self) -> None:
-        """Push what was sent to the viewers; one that is gone is dropped, with a message."""
-        for d in [d for d in self._destinations if d.live]:
+        """Push what was sent to its destinations. A viewer, or reader of standard output, that is gone is dropped.
+
+        Raises PfslamError when the file cannot be written, as on a full disk.
+        """
+        for d in list(self._destinations):
             try:
-                d.stream.flush(timeout_sec=FLUSH_SECONDS)
+                d.stream.flush(timeout_sec=FLUSH_SECONDS if d.live else WRITE_SECONDS)
                 d.slow = 0
             except RuntimeError as error:
                 d.slow += 1
-                if "timed out" not in str(error):
+                if d.to_file:
+                    self._destinations.remove(d)
+                    _close_in_time(d.stream, 1.0)
+                    raise PfslamError(f"{d.name}: cannot be written (is the disk full?): {error}") from None
+                if "timed out" not in str(error) or not d.live:
                     self._drop(d, "went away")
                 elif d.slow >= PATIENCE:
                     self._drop(d, "stopped answering")
@@ -135,10 +144,11 @@ class Sink:
     def _close_files(self) -> None:
         while self._closers:
             self._closers.pop(0)()
+        self.check()
         for d in [d for d in self._destinations if not d.live]:
             self._destinations.remove(d)
-            d.stream.flush()
-            d.stream.disconnect()
+            if not _close_in_time(d.stream, WRITE_SECONDS) and d.to_file:
+                raise PfslamError(f"{d.name}: could not be completed within {WRITE_SECONDS:.0f} s")
 
     def _close(self) -> None:
         self._close_files()
@@ -152,7 +162,7 @@ _ABANDONED: list[rr.RecordingStream] = []
 
 
 def _close_in_time(stream: rr.RecordingStream, seconds: float) -> bool:
-    """Disconnect; a viewer that hangs is left behind after ``seconds`` (False)."""
+    """Disconnect; a destination that hangs is left behind after ``seconds`` (False)."""
     thread = threading.Thread(target=stream.disconnect, daemon=True)
     thread.start()
     thread.join(seconds)
@@ -209,8 +219,8 @@ def open_sinks(
             timeline(False)
         return made
 
-    def add(name: str, opened: rr.RecordingStream, live: bool) -> None:
-        sink._destinations.append(_Destination(name, opened, live))
+    def add(name: str, opened: rr.RecordingStream, live: bool = False, to_file: bool = False) -> None:
+        sink._destinations.append(_Destination(name, opened, live, to_file))
 
     served: str | None = None
     with ExitStack() as files:
@@ -218,11 +228,11 @@ def open_sinks(
             sink._written = files.enter_context(replaced(save))
             to_file = stream(live=False)
             to_file.save(sink._written)
-            add(str(save), to_file, live=False)
+            add(str(save), to_file, to_file=True)
         if stdout:
             to_stdout = stream(live=False)
             to_stdout.stdout()
-            add("standard output", to_stdout, live=False)
+            add("standard output", to_stdout)
         if serve:
             address = serve if isinstance(serve, str) else bind
             to_server = stream(live=True)
@@ -254,7 +264,8 @@ def open_sinks(
             raise
         except BaseException:
             sink._closers.clear()
-            sink._close()
+            with suppress(PfslamError):  # what ended the run is what the user must hear of
+                sink._close()
             raise
         sink._close_files()
         files.close()

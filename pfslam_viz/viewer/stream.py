@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 
 BLOCK_ROWS = 200
 LIVE_SECONDS = 0.25  # a watched run is shown at least this often
-MAP_FRAMES, TEXTURE_FRAMES, CAMERA_FRAMES, WALL_FRAMES = 200, 100, 200, 40
+MAP_FRAMES, TEXTURE_FRAMES, CAMERA_FRAMES, WALL_FRAMES = 200, 75, 200, 40
 MAP_BYTES, TEXTURE_BYTES = 200_000_000, 150_000_000  # uncompressed: what the viewer has to hold
 LINEAGES_EVERY = 10  # scans
 HISTORY_POINTS = 1000

@@ -1,5 +1,6 @@
 """Destinations come and go; the file is what must be right."""
 
+import os
 import signal
 import socket
 import subprocess
@@ -235,3 +236,87 @@ def test_standard_output_holds_the_recording_and_nothing_else(tmp_path, read_bac
         subprocess.run([sys.executable, "-c", textwrap.dedent(script)], stdout=out, check=True)
     (row,) = read_back(tmp_path / "out.rrd").temporal("points")
     assert row["step"] == 3 and row["time"].total_seconds() == 0.5
+
+
+SEND = """
+    import resource, sys
+    from pathlib import Path
+    import numpy as np, rerun as rr
+    from pfslam_viz.errors import PfslamError
+    from pfslam_viz.viewer import sinks
+    from pfslam_viz.viewer.sinks import open_sinks
+
+    sinks.WRITE_SECONDS = 2.0
+
+    def send(sink, blocks):
+        for k in range(blocks):
+            positions = np.random.default_rng(k).random((100_000, 3))
+            times = [rr.TimeColumn("step", sequence=range(10 * k, 10 * k + 10))]
+            sink.send_columns("points", times, rr.Points3D.columns(positions=positions).partition([10_000] * 10))
+            sink.check()
+"""
+
+
+def test_a_full_disk_ends_the_run_and_leaves_nothing(tmp_path):
+    script = (
+        SEND
+        + """
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2_000_000, 2_000_000))
+    try:
+        with open_sinks(save=Path(sys.argv[1])) as sink:
+            send(sink, 10)
+    except PfslamError as error:
+        print(error)
+    """
+    )
+    command = [sys.executable, "-c", textwrap.dedent(script), str(tmp_path / "out.rrd")]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert "out.rrd: cannot be written (is the disk full?)" in done.stdout
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_reader_of_standard_output_that_goes_away_costs_only_itself(tmp_path, read_back):
+    script = (
+        SEND
+        + """
+    with open_sinks(stdout=True, save=Path(sys.argv[1])) as sink:
+        send(sink, 10)
+    """
+    )
+    command = [sys.executable, "-c", textwrap.dedent(script), str(tmp_path / "out.rrd")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.read(1000)
+        process.stdout.close()
+        errors = process.stderr.read().decode()
+        assert process.wait() == 0, errors
+    assert "standard output went away in mid-run" in errors and "Traceback" not in errors
+    assert len(read_back(tmp_path / "out.rrd").temporal("points")) == 100
+
+
+@pytest.mark.slow
+def test_a_spawned_viewer_shows_the_run_and_outlives_it(tmp_path, monkeypatch):
+    from rerun.experimental import ViewerClient
+
+    wrapper, number = tmp_path / "rerun", tmp_path / "pid"
+    wrapper.write_text(f'#!/bin/sh\necho $$ > "{number}"\nexec "{viewer_binary()}" --headless "$@"\n')
+    wrapper.chmod(0o755)
+    monkeypatch.setattr(sinks, "viewer_binary", lambda: wrapper)
+    monkeypatch.setattr(sinks, "PORT", free_port())
+    try:
+        with open_sinks(spawn=True, save=tmp_path / "out.rrd", name="a run") as sink:
+            send(sink, 0)
+            sink.check()
+    except PfslamError as error:
+        pytest.skip(f"no viewer can run here: {error}")
+    try:
+        client = ViewerClient.connect(f"rerun+http://127.0.0.1:{sinks.PORT}/proxy")
+        deadline = time.monotonic() + 20
+        ends: list = []
+        while 49 not in ends and time.monotonic() < deadline:
+            time.sleep(0.2)
+            ends = [t.end for r in client.get_state().recordings for t in r.timelines if t.name == "step"]
+        assert 49 in ends
+    finally:
+        os.kill(int(number.read_text()), signal.SIGKILL)
+    assert sink.messages == []
+    assert (tmp_path / "out.rrd").stat().st_size > 1000
