@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 Points = NDArray[np.float32]
 
 RESOLUTION = 0.01  # m: coordinates are rounded to this, which makes files small
+FEW = 100  # particles that are drawn finely
 HEADINGS = 60  # arrows a scan
 HEADING_LENGTHS = (0.02, 0.2)  # m: twice the cloud's standard deviation, within these
 LEVEL_HEIGHT = 0.002  # m from one level of weight to the next
@@ -133,7 +134,8 @@ _RAMP = np.array([(r << 24) | (g << 16) | (b << 8) | 255 for r, g, b in WEIGHT_R
 def particle_columns(block: Block, z: float) -> tuple[Any, Any]:
     """The particles as points, and some of them as arrows that look along their heading; coloured by weight.
 
-    Positions are rounded to a quarter of the cloud's standard deviation, at most :data:`RESOLUTION`.
+    Positions are rounded to a quarter of the cloud's standard deviation (a fortieth where particles are few, which
+    costs little), at most to :data:`RESOLUTION`.
     """
     lengths = np.array([len(p) for p in block.particles])
     particles = np.concatenate(block.particles)
@@ -141,7 +143,8 @@ def particle_columns(block: Block, z: float) -> tuple[Any, Any]:
     level = np.minimum((np.concatenate(block.weights) * levels).astype(np.intp), levels - 1)
     spread = np.sqrt(np.maximum(np.trace(np.array(block.covariance), axis1=1, axis2=2), 0.0))
     spread = np.repeat(spread, lengths)[:, None]
-    grain = np.clip(spread / 4, RESOLUTION / 10, RESOLUTION)
+    few = np.repeat(lengths <= FEW, lengths)[:, None]
+    grain = np.clip(spread / np.where(few, 40, 4), RESOLUTION / 50, RESOLUTION)
     positions = lifted(np.round(particles[:, :2] / grain) * grain, z)
     positions[:, 2] += LEVEL_HEIGHT * level  # where particles cover each other, the heaviest shows
     colors = _RAMP[level]
