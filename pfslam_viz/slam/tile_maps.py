@@ -50,7 +50,8 @@ class TileMaps:
         """Write a scan into map p as seen from pose p of (N, 3): end points (m, 2), lidar (2,) in the robot's frame."""
         if len(points) == 0:
             return
-        span = float(np.hypot(points[:, 0], points[:, 1]).max()) + (REACH + 2) * self.cell
+        farthest = max(float(np.hypot(points[:, 0], points[:, 1]).max()), float(np.hypot(sensor[0], sensor[1])))
+        span = farthest + (REACH + 2) * self.cell
         self._reach(poses[:, :2].min(axis=0) - span, poses[:, :2].max(axis=0) + span)
         c, drawn = self.config, 0
         while True:
