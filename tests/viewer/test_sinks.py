@@ -151,7 +151,6 @@ def test_a_viewer_that_goes_away_costs_the_picture_and_not_the_file(proxy, tmp_p
 def test_a_viewer_that_hangs_costs_no_more_than_its_patience(proxy, tmp_path, read_back, monkeypatch):
     process, url = proxy
     monkeypatch.setattr(sinks, "FLUSH_SECONDS", 0.1)
-    monkeypatch.setattr(sinks, "_close_in_time", lambda stream, seconds: sinks._ABANDONED.append(stream))
     with open_sinks(save=tmp_path / "out.rrd", connect=url) as sink:
         send(sink, 0)
         sink.check()
