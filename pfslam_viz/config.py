@@ -97,8 +97,8 @@ class MatchingConfig(_Section):
 class RaoBlackwellizedConfig(_Section):
     """The filter with a map per particle (Grisetti, Stachniss & Burgard 2007)."""
 
-    update_distance: Positive = Field(0.1, description="m; a scan is used after so much motion ...")
-    update_angle: Positive = Field(0.1, description="rad; ... or so much turning")
+    update_distance: Positive = Field(0.15, description="m; a scan is used after so much motion ...")
+    update_angle: Positive = Field(0.15, description="rad; ... or so much turning")
     cell: float = Field(0.05, ge=0.005, le=1.0, description="m")
     sigma: Positive = Field(0.05, description="m; spread of end points about a wall")
     floor: float = Field(0.1, gt=0, lt=1, description="share of end points that no wall explains")
@@ -129,7 +129,7 @@ class SmoothingConfig(_Section):
     """The pose graph over the key scans, which settles the whole trajectory in hindsight."""
 
     enabled: bool = True
-    rounds: int = Field(3, ge=1, le=20, description="matching all neighbouring key scans and relaxing the graph")
+    rounds: int = Field(2, ge=2, le=20, description="matching all neighbouring key scans and relaxing the graph")
     radius: Positive = Field(2.0, description="m; key scans this near are neighbours")
     neighbours: int = Field(3, ge=0, description="earlier visits that a key scan is matched with")
     apart: int = Field(30, ge=1, description="key scans between two visits")

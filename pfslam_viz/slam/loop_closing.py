@@ -2,9 +2,9 @@
 
 After a long way round, the robot may be metres from where its trajectory says. For key scans that should see an earlier
 place but do not match it, the scans around them are laid over a map of that place at every offset within reach (the
-correlative search of Olson 2009). A fit counts if it is good, if no other offset is nearly as good (a bare corridor fits
-anywhere), if matching scan against scan confirms it, and if the next key scans find the same correction. Whether it is kept is decided by what
-closing it does to all other matches: see :mod:`pfslam_viz.slam.smoothing`.
+correlative search of Olson 2009). A fit counts if it is good, if no other offset is nearly as good (a bare corridor
+fits anywhere), if matching scan against scan confirms it, and if the next key scans find the same correction. Whether
+it is kept is decided by what closing it does to all other matches: see :mod:`pfslam_viz.slam.smoothing`.
 """
 
 import math
@@ -119,7 +119,7 @@ def view(scans: ScanStore, poses: Array, key: int) -> Array:
 
 
 def blurred(points: Array, centre: Array, half: float) -> tuple[Field, Array]:
-    """A square map (n, n), rows along y, of 2 ``half`` m round ``centre``: 1 on a wall, falling to 0; and its corner."""
+    """A square map (n, n), rows along y, 2 ``half`` m wide round ``centre``: 1 on walls, falling to 0; its corner."""
     import cv2
 
     n = math.ceil(2.0 * half / CELL)
@@ -144,14 +144,15 @@ def overlay(field: Field, centre: Array, points: Array, turns: Array, steps: int
     for t in range(len(turns)):
         c, s = math.cos(turns[t]), math.sin(turns[t])
         for b in range(len(points)):
-            column = int(math.floor(centre[0] + c * points[b, 0] - s * points[b, 1])) - steps
-            row = int(math.floor(centre[1] + s * points[b, 0] + c * points[b, 1])) - steps
+            column = math.floor(centre[0] + c * points[b, 0] - s * points[b, 1]) - steps
+            row = math.floor(centre[1] + s * points[b, 0] + c * points[b, 1]) - steps
             if row < 0 or column < 0 or row + width > n or column + width > n:
                 continue  # it leaves the map somewhere: nothing is known of it there
             for i in range(width):
                 for j in range(width):
                     out[t, i, j] += field[row + i, column + j]
-    return out / len(points)
+    out /= np.float32(len(points))
+    return out
 
 
 def _confirmed(matched: Matches, guesses: Array, config: LoopClosingConfig) -> NDArray[np.bool_]:

@@ -28,7 +28,7 @@ def _log_posterior(
     y: float,
     heading: float,
 ) -> float:
-    """Tempered log-likelihood of the scan plus log-prior, whose information in the guess's frame is ``prior`` (3, 3)."""
+    """Tempered log-likelihood of a scan plus log-prior, whose information in the guess's frame is ``prior`` (3, 3)."""
     c, s = math.cos(guess[2]), math.sin(guess[2])
     dx, dy = x - guess[0], y - guess[1]
     a, b, t = c * dx + s * dy, c * dy - s * dx, heading - guess[2]

@@ -52,27 +52,26 @@ class Smoother:
     def smooth(self, poses: Array) -> Smoothed:
         """The key poses that agree best with all matches between neighbouring key scans and with the odometry.
 
-        The first pose stays. Loops that the particles missed are closed, all of them or else one after the other, if the
-        graph as a whole finds more support with them closed than without.
+        The first pose stays. Loops that the particles missed are closed, all of them or else one after the other, if
+        the graph as a whole finds more support with them closed than without.
         """
         closed = np.zeros((0, 2), np.int64)
         if len(poses) < 3:
             return Smoothed(poses, closed)
-        poses, support = self.relax(poses, FIRST_GATES)
+        poses, _ = self.relax(poses, FIRST_GATES)
+        poses, support = self.relax(poses, GATES)
         if self.loops.enabled:
             for _ in range(SEARCHES):
                 loops = find_loops(self.scans, poses, self.loops)
-                together = [Constraints.join(loops)] if len(loops) > 1 else []
-                accepted = False
-                for loop in together + loops:
+                for loop in ([Constraints.join(loops)] if len(loops) > 1 else []) + loops:
                     trial, trial_support = self.close(poses, loop)
                     if trial_support > support + self.loops.gain:
-                        poses, support, accepted = trial, trial_support, True
+                        poses, support = trial, trial_support
                         closed = np.concatenate([closed, np.stack([loop.start, loop.end], axis=-1)])
                         break
-                if not accepted:
+                else:
                     break
-        for _ in range(self.config.rounds - 1):
+        for _ in range(self.config.rounds - 2):
             poses, _ = self.relax(poses, GATES)
         return Smoothed(poses, closed)
 
@@ -85,9 +84,12 @@ class Smoother:
 
     def close(self, poses: Array, loop: Constraints) -> tuple[Array, float]:
         """Pull the graph together at ``loop``, then let it relax without: poses (k, 3) and what agrees with them."""
-        pairs = neighbouring(poses, self.config.model_copy(update={"neighbours": 0}))
-        chain = match(self.scans, poses, pairs, GATES, self.config)
-        pulled = Constraints.join([self._motion, chain.firm(), loop])  # firm: it bends as a whole, it does not snap
+        matched = match(self.scans, poses, neighbouring(poses, self.config), GATES, self.config)
+        sound = weights(poses, matched, self.config.scale) > 0.5
+        chain = matched.end - matched.start <= HOPS[-1]
+        firm = matched.pick(np.flatnonzero(chain & sound)).firm()  # what joins successive scans bends, it does not snap
+        visits = matched.pick(np.flatnonzero(~chain))
+        pulled = Constraints.join([self._motion, firm, visits, loop])
         poses = optimize(poses, pulled, iterations=2 * ITERATIONS, scale=self.config.scale)
         return self.relax(*self.relax(poses, FIRST_GATES)[:1], GATES)
 
