@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 
 AT_REST = 1e-4  # m in one scan: a robot that moves less has stopped
 STARTS = np.stack(np.meshgrid([0, -1, 1], [0, -1, 1], [0, -0.5, 0.5, -1, 1]), axis=-1).reshape(-1, 3)
+MARGIN = 0.1  # a match that overrules the odometry must agree so much better
 THIN = 4  # one end point in so many weighs the particles
 WORTH = 0.1  # share of a key scan's motion after which a stop is worth a key scan
 
@@ -90,7 +91,11 @@ class MatchingFilter:
         prior = np.asarray(np.linalg.inv(covariance), np.float64)
         pose, information, score, partners = self.grid.match(guess, prior, points, normals)
         if score < m.lost:
-            pose, information, score, partners = self._search(guess, prior, points, normals)
+            wide = covariance + np.diag([m.lost_distance**2, m.lost_distance**2, m.lost_angle**2])
+            wider = np.asarray(np.linalg.inv(wide), np.float64)
+            found = self._search(guess, wider, points, normals)
+            if found[2] > max(m.lost, score + MARGIN):
+                prior, (pose, information, score, partners) = wider, found
         self._informative = bool(partners[:, 4].any())
         if not self._informative:
             return
@@ -116,7 +121,7 @@ class MatchingFilter:
         )
 
     def _search(self, guess: Array, prior: Array, points: Array, normals: Array) -> tuple[Array, Array, float, Array]:
-        """The best of the matches that start round the guess: where the odometry has failed, it takes a wider look."""
+        """The best of the matches that start round the guess, as :meth:`WallMap.match` gives it."""
         m = self.config.matching
         found, best = None, -np.inf
         for start in STARTS * [m.lost_distance, m.lost_distance, m.lost_angle]:
