@@ -69,7 +69,7 @@ class ScanStore:
 
     def add(self, points: Array) -> None:
         """Append a scan's end points (m, 2), in the order of the beams; at most MOST of them, evenly, are kept."""
-        points = points[:: 1 + (len(points) - 1) // MOST]
+        points = points[:: 1 + max(len(points) - 1, 0) // MOST]
         normals = wall_normals(points, self.sensor, WALL_REACH)
         start = int(self._first[self._count])
         end = start + len(points)
@@ -80,7 +80,7 @@ class ScanStore:
         seen = points - self.sensor
         self._rows[start:end, 0:2] = points
         self._rows[start:end, 2:4] = normals
-        self._rows[start:end, 4] = np.unwrap(np.arctan2(seen[:, 1], seen[:, 0]))
+        self._rows[start:end, 4] = _increasing(np.arctan2(seen[:, 1], seen[:, 0]))
         self._count += 1
         self._first[self._count] = end
 
@@ -126,6 +126,13 @@ class ScanStore:
         return Matches(*(np.concatenate(values) for values in zip(*found, strict=True)))
 
 
+def _increasing(bearings: Array) -> Array:
+    """Bearings (m,) of successive beams in [-pi, pi], continued beyond pi. They may lie more than pi apart."""
+    if len(bearings) == 0:
+        return bearings
+    return bearings + 2.0 * math.pi * np.cumsum(np.diff(bearings, prepend=bearings[0]) < -0.1)
+
+
 @dataclass(frozen=True, slots=True)
 class Matches:
     """k scan matches: ``poses`` (k, 3) of the matched scan in the reference's frame, the ``information`` (k, 3, 3)
@@ -136,6 +143,12 @@ class Matches:
     information: Array
     overlap: Array
     distance: Array
+
+
+def open_direction(information: Array) -> Array | None:
+    """The unit direction (2,) of which a match's information (3, 3) has nothing, or None: see :func:`match_pairs`."""
+    values, vectors = np.linalg.eigh(information[:2, :2])
+    return vectors[:, 0] if values[0] < 1e-6 * values[1] else None
 
 
 @njit(cache=True, nogil=True)
@@ -252,6 +265,7 @@ def match_pairs(
         if r1 - r0 < 5 or q1 - q0 < 5:
             continue
         x, y, heading = guesses[k, 0], guesses[k, 1], guesses[k, 2]
+        ahead = 0.5 * (bearings[r0] + bearings[r1 - 1])
         for iteration in range(iterations + 1):
             gate = gates[min(iteration, len(gates) - 1)]
             width = max(2.0 * sigma, gate / 3.0)  # beyond it a residual loses its say
@@ -266,6 +280,7 @@ def match_pairs(
                 lx, ly = px - sensor[0], py - sensor[1]
                 far = math.hypot(lx, ly)
                 bearing = math.atan2(ly, lx)
+                bearing -= 2.0 * math.pi * math.floor((bearing - ahead) / (2.0 * math.pi) + 0.5)
                 best, at = gate * gate, -1
                 middle = _nearest(bearings, r0, r1, bearing)
                 for side in (-1, 1):  # outwards, as long as a point at that bearing can still be nearer

@@ -8,9 +8,8 @@ import pytest
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
-from pfslam_viz.config import RaoBlackwellizedConfig
 from pfslam_viz.slam import tile_maps
-from pfslam_viz.slam.tile_maps import REACH, SIZE, TileMaps, agreement, field_kernel
+from pfslam_viz.slam.tile_maps import REACH, SIZE, TileMaps, TileSettings, agreement, field_kernel
 
 Array = NDArray[np.float64]
 Cell = tuple[int, int]
@@ -19,14 +18,14 @@ CELL = 0.05
 SENSOR = np.array([0.12, 0.03])
 
 
-def config(**settings: object) -> RaoBlackwellizedConfig:
-    return RaoBlackwellizedConfig(**({"cell": CELL} | settings))
+def config(**settings: object) -> TileSettings:
+    return TileSettings(**({"cell": CELL} | settings))
 
 
 class PlainMap:
     """One map as a dictionary of log-odds; the field is computed from the occupied cells when somebody asks."""
 
-    def __init__(self, config: RaoBlackwellizedConfig) -> None:
+    def __init__(self, config: TileSettings) -> None:
         self.config = config
         self.log_odds: defaultdict[Cell, np.float32] = defaultdict(lambda: np.float32(0.0))
         self.appeared = self.vanished = 0
@@ -66,7 +65,7 @@ class PlainMap:
         return out
 
 
-def stamp(i: int, j: int, config: RaoBlackwellizedConfig) -> float:
+def stamp(i: int, j: int, config: TileSettings) -> float:
     """Log of a Gaussian over a floor, above the log of the floor; nothing beyond REACH cells."""
     square = i * i + j * j
     if square > REACH * REACH:
@@ -80,7 +79,7 @@ def cell_of(point: Array) -> Cell:
 
 
 def line(start: Cell, end: Cell) -> list[Cell]:
-    """The cells nearest to the straight line, one for each step along its longer axis; a tie goes to the start's side."""
+    """The cells nearest to the straight line, one a step along its longer axis; a tie goes to the start's side."""
     down, right = end[0] - start[0], end[1] - start[1]
     long = max(abs(down), abs(right))
     out = []
@@ -294,7 +293,7 @@ def test_the_tables_grow_in_every_direction(direction: Cell) -> None:
     for step in (0.0, 1.4, 5.0, 12.0, 12.5, 0.2):
         pose = np.array([step * direction[0], step * direction[1], 0.5])
         points = np.array([[0.6, 0.1], [0.3, -0.4], [-0.2, 0.5]])
-        poses = np.stack([pose, pose + [0.02, 0.03, 0.4]])
+        poses = np.stack([pose, pose + np.array([0.02, 0.03, 0.4])])
         maps.draw(poses, points, SENSOR)
         for twin, at in zip(twins, poses, strict=True):
             twin.draw(at, points, SENSOR)
