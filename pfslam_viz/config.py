@@ -99,15 +99,11 @@ class RaoBlackwellizedConfig(_Section):
 
     update_distance: Positive = Field(0.15, description="m; a scan is used after so much motion ...")
     update_angle: Positive = Field(0.15, description="rad; ... or so much turning")
-    cell: float = Field(0.05, ge=0.005, le=1.0, description="m")
     sigma: Positive = Field(0.05, description="m; spread of end points about a wall")
     floor: float = Field(0.1, gt=0, lt=1, description="share of end points that no wall explains")
     temper: Positive = Field(0.1, description="exponent of the scan's likelihood: beams are not independent")
     scan_temper: Positive = Field(0.05, description="exponent of the scan-to-scan match's likelihood")
     scan_overlap: float = Field(0.25, ge=0, le=1, description="share of matched end points below which odometry rules")
-    log_odds_hit: Positive = 0.9
-    log_odds_miss: Positive = 0.1
-    log_odds_bound: Positive = 4.0
     max_range: Positive = Field(20.0, description="m; beams longer than this are neither matched nor drawn")
     free_beams: int = Field(200, ge=10, description="beams that clear free space at most; all of them mark walls")
     match_beams: int = Field(180, ge=10, description="end points that are matched, spread evenly along the walls")

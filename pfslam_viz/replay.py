@@ -15,7 +15,7 @@ from pfslam_viz.slam.matching_filter import MatchingFilter
 from pfslam_viz.slam.observation import ScanReader
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.slam.particle_filter import ParticleFilter
-from pfslam_viz.slam.protocol import Scan, Slam
+from pfslam_viz.slam.protocol import LoopClosure, Scan, Slam
 from pfslam_viz.slam.rao_blackwellized import RaoBlackwellizedFilter
 from pfslam_viz.slam.worker import Worker, cores
 from pfslam_viz.step import Step
@@ -47,6 +47,7 @@ class Result:
         uninformative: how many scans had no correlation with the map.
         interrupted: whether the run was stopped before the last scan.
         finish_seconds: what settling the whole run took, after the last scan.
+        closures: the loops that settling it closed.
         texture: the floor texture, if it was painted.
         skipped_frames: how many colour frames were not painted, by reason, if any were to be.
     """
@@ -65,6 +66,7 @@ class Result:
     uninformative: int
     interrupted: bool
     finish_seconds: float = 0.0
+    closures: tuple[LoopClosure, ...] = ()
     texture: "FloorTexture | None" = None
     skipped_frames: "SkippedFrames | None" = None
 
@@ -185,6 +187,7 @@ class Replay:
             uninformative=self._uninformative,
             interrupted=n < len(self.recording),
             finish_seconds=self._finish_seconds,
+            closures=self.slam.closures,
             texture=None if self.painter is None else self.painter.texture,
             skipped_frames=None if self.painter is None else self.painter.skipped,
         )

@@ -1,7 +1,11 @@
 """One particle's map, looked at as an occupancy grid."""
 
+import numpy as np
+from numpy.typing import NDArray
+
+from pfslam_viz import geometry
 from pfslam_viz.config import Config
-from pfslam_viz.slam.occupancy_grid import OccupancyGrid
+from pfslam_viz.slam.occupancy_grid import Array, OccupancyGrid
 from pfslam_viz.slam.tile_maps import TileMaps
 
 LOOKED_AT = frozenset({"log_odds", "occupied", "origin", "shape", "lower_left"})
@@ -11,19 +15,8 @@ class BestMap(OccupancyGrid):
     """The occupancy grid of one map of :class:`TileMaps`: copied out of the tiles when somebody looks, not before."""
 
     def __init__(self, config: Config, maps: TileMaps) -> None:
-        s = config.rao_blackwellized
         self._stale = False
-        super().__init__(
-            config.map.model_copy(
-                update={
-                    "cell": s.cell,
-                    "log_odds_hit": s.log_odds_hit,
-                    "log_odds_miss": s.log_odds_miss,
-                    "log_odds_bound": s.log_odds_bound,
-                    "threshold": 0.0,
-                }
-            )
-        )
+        super().__init__(config.map)
         self._maps, self._index = maps, 0
 
     def follow(self, index: int) -> None:
@@ -34,6 +27,11 @@ class BestMap(OccupancyGrid):
         """From now on this is a map of other ``maps``."""
         self._maps = maps
         self.follow(index)
+
+    def project(self, pose: Array, points: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """As in :class:`OccupancyGrid`, straight from the tiles."""
+        world = geometry.transform(pose, points)
+        return world, self._maps.occupied_at(self._index, world)
 
     def __getattribute__(self, name: str) -> object:
         if name in ("log_odds", "occupied", "origin", "shape", "lower_left", "_marks") and super().__getattribute__(

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pfslam_viz import geometry
 from pfslam_viz.config import Config
 from pfslam_viz.slam import kernels, motion, point_to_line, resampling
-from pfslam_viz.slam.protocol import Estimate, Match, Scan
+from pfslam_viz.slam.protocol import Estimate, LoopClosure, Match, Scan
 from pfslam_viz.slam.scan_matching import wall_normals
 from pfslam_viz.slam.wall_map import WallMap
 
@@ -174,6 +174,11 @@ class MatchingFilter:
     def trajectory(self) -> Array:
         """(n, 3) the mode at every scan: one map keeps no other history."""
         return np.array(self._online).reshape(-1, 3)
+
+    @property
+    def closures(self) -> tuple[LoopClosure, ...]:
+        """None: one map keeps no scans to close a loop with."""
+        return ()
 
     def finish(self) -> None:
         """Nothing is settled in hindsight."""

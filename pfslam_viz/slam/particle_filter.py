@@ -7,7 +7,7 @@ from pfslam_viz.config import Config
 from pfslam_viz.slam import kernels, motion, resampling
 from pfslam_viz.slam.observation import correlation
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
-from pfslam_viz.slam.protocol import Estimate, Scan
+from pfslam_viz.slam.protocol import Estimate, LoopClosure, Scan
 from pfslam_viz.slam.worker import Worker
 
 Array = NDArray[np.float64]
@@ -87,6 +87,11 @@ class ParticleFilter:
     def trajectory(self) -> Array:
         """(n, 3) the best particle at every scan: one map keeps no other history."""
         return np.array(self._online).reshape(-1, 3)
+
+    @property
+    def closures(self) -> tuple[LoopClosure, ...]:
+        """None: one map keeps no scans to close a loop with."""
+        return ()
 
     def finish(self) -> None:
         """Nothing is settled in hindsight."""

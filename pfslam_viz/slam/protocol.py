@@ -121,6 +121,11 @@ class Slam(Protocol):
         """(n, 3) the whole trajectory as known now, a pose for every scan so far."""
         ...
 
+    @property
+    def closures(self) -> tuple[LoopClosure, ...]:
+        """The loops that :meth:`finish` closed."""
+        ...
+
     def finish(self) -> None:
         """All scans are in: settle what can be settled in hindsight. The grid and the trajectory may change."""
         ...

@@ -14,10 +14,10 @@ from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.slam.pose_graph import turned
 from pfslam_viz.slam.proposal import propose, spread_points
 from pfslam_viz.slam.protocol import Estimate, LoopClosure, Match, Scan
-from pfslam_viz.slam.scan_matching import ScanStore
+from pfslam_viz.slam.scan_matching import ScanStore, open_direction
 from pfslam_viz.slam.smoothing import Smoother
 from pfslam_viz.slam.threads import in_halves
-from pfslam_viz.slam.tile_maps import TileMaps
+from pfslam_viz.slam.tile_maps import TileMaps, TileSettings
 
 Array = NDArray[np.float64]
 
@@ -34,11 +34,15 @@ STILL = 1e-4  # m or rad: below it the robot stands
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """The increment (3,) since the last key scan, its covariance (3, 3), and how much of the scan matched [0, 1]."""
+    """The increment (3,) since the last key scan, its covariance (3, 3), and how much of the scan matched [0, 1].
+
+    ``open_direction`` (2,), in the last key scan's frame, is the one that the scans say nothing of, if there is one.
+    """
 
     increment: Array
     covariance: Array
     overlap: float
+    open_direction: Array | None = None
 
 
 class RaoBlackwellizedFilter:
@@ -57,7 +61,7 @@ class RaoBlackwellizedFilter:
         self._log_weights = np.zeros(n)
         self._weighed = (self._particles, np.full(n, 1.0 / n))
         self._parents = self._drawn = np.arange(n)
-        self._maps = TileMaps(n, self._settings)
+        self._maps = TileMaps(n, TileSettings.of(config))
         self._history = History(n)
         self._scans = ScanStore(np.zeros(2))
         self._key_particles = self._particles
@@ -148,7 +152,7 @@ class RaoBlackwellizedFilter:
         if overlap < s.scan_overlap:
             return Motion(self._moved, np.diag(deviation**2), overlap)
         information = np.diag(prior) + s.scan_temper * found.information[0]
-        return Motion(found.poses[0], np.linalg.inv(information), overlap)
+        return Motion(found.poses[0], np.linalg.inv(information), overlap, open_direction(found.information[0]))
 
     def _propose(self, scan: Scan, motion: "Motion") -> None:
         """Move every particle to the mean of its improved proposal, and weigh it by the evidence for it."""
@@ -167,7 +171,7 @@ class RaoBlackwellizedFilter:
                 maps.table[k],
                 maps.field,
                 maps.origin,
-                s.cell,
+                maps.cell,
                 points,
                 s.temper,
                 guesses[k],
@@ -185,7 +189,10 @@ class RaoBlackwellizedFilter:
         self._log_weights = self._log_weights + evidence
         best = int(np.argmax(self._log_weights))
         by_odometry = geometry.compose(self._key_particles[best], self._odometry)
-        self._match = Match(correction=geometry.between(by_odometry, means[best]), score=motion.overlap)
+        axis = motion.open_direction
+        if axis is not None:
+            axis = geometry.transform(np.array([0.0, 0.0, self._key_particles[best, 2]]), axis[None])[0]
+        self._match = Match(geometry.between(by_odometry, means[best]), motion.overlap, axis)
 
     def update_map(self, scan: Scan) -> None:
         """Every particle writes a used scan into its own map."""
@@ -238,7 +245,7 @@ class RaoBlackwellizedFilter:
         smoothed = smoother.smooth(self._key_poses())
         self._smoothed = smoothed.poses
         self._closures = tuple(self._closure(int(earlier), int(later)) for earlier, later in smoothed.closed)
-        maps = TileMaps(1, self._settings)
+        maps = TileMaps(1, self._maps.settings)
         for k, pose in enumerate(self._smoothed):
             maps.draw(pose[None], self._scans.points_of(k), self._scans.sensor)
         self._grid.show(maps, 0)

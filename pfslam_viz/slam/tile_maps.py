@@ -8,12 +8,13 @@ flips, so that matching never waits for a distance transform.
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pfslam_viz.config import RaoBlackwellizedConfig
+from pfslam_viz.config import Config
 
 Floats = NDArray[np.float64]
 Field = NDArray[np.float32]
@@ -26,6 +27,36 @@ REACH = 3  # cells: how far the field reaches from a wall
 FIRST_TILES = 256
 
 
+@dataclass(frozen=True, slots=True)
+class TileSettings:
+    """What the maps need to know: ``cell`` m, log-odds as in :class:`pfslam_viz.config.MapConfig`, ``sigma`` m, the
+    spread of end points about a wall, ``floor``, the share of them that no wall explains, and ``free_beams``, how many
+    beams of a scan clear free space at most.
+    """
+
+    cell: float = 0.05
+    log_odds_hit: float = 0.9
+    log_odds_miss: float = 0.1
+    log_odds_bound: float = 4.0
+    sigma: float = 0.05
+    floor: float = 0.1
+    free_beams: int = 200
+
+    @classmethod
+    def of(cls, config: Config) -> "TileSettings":
+        """Those of one configuration."""
+        m, r = config.map, config.rao_blackwellized
+        return cls(
+            m.cell,
+            m.log_odds_hit,
+            m.log_odds_miss,
+            m.log_odds_bound,
+            sigma=r.sigma,
+            floor=r.floor,
+            free_beams=r.free_beams,
+        )
+
+
 class TileMaps:
     """N maps on one world grid whose rows run down and columns right, as in :class:`OccupancyGrid`.
 
@@ -35,14 +66,14 @@ class TileMaps:
         origin: row and column of the cell at the world's origin.
     """
 
-    def __init__(self, count: int, config: RaoBlackwellizedConfig) -> None:
-        self.config = config
-        self.cell = config.cell
+    def __init__(self, count: int, settings: TileSettings) -> None:
+        self.settings = settings
+        self.cell = settings.cell
         self.table = np.zeros((count, 2, 2), np.int32)
         self.origin = np.array([SIZE, SIZE])
         self.log_odds = np.zeros((FIRST_TILES, SIZE, SIZE), np.float32)
         self.field = np.zeros((FIRST_TILES, SIZE, SIZE), np.float32)
-        self._kernel = field_kernel(config.cell, config.sigma, config.floor)
+        self._kernel = field_kernel(settings.cell, settings.sigma, settings.floor)
         self._references = np.zeros(FIRST_TILES, np.int32)
         self._count_references()
 
@@ -53,7 +84,7 @@ class TileMaps:
         farthest = max(float(np.hypot(points[:, 0], points[:, 1]).max()), float(np.hypot(sensor[0], sensor[1])))
         span = farthest + (REACH + 2) * self.cell
         self._reach(poses[:, :2].min(axis=0) - span, poses[:, :2].max(axis=0) + span)
-        c, drawn = self.config, 0
+        c, drawn = self.settings, 0
         while True:
             drawn = write_scans(
                 self.table,
@@ -82,6 +113,16 @@ class TileMaps:
         """Map p becomes a descendant of map ``parents[p]`` (N,)."""
         self.table = self.table[parents]
         self._count_references()
+
+    def occupied_at(self, index: int, points: Floats) -> NDArray[np.bool_]:
+        """Which world points (m, 2) fall on an occupied cell of one map."""
+        rows = np.floor(-points[:, 1] / self.cell).astype(np.int64) + self.origin[0]
+        columns = np.floor(points[:, 0] / self.cell).astype(np.int64) + self.origin[1]
+        height, width = self.table.shape[1] << BITS, self.table.shape[2] << BITS
+        inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+        rows, columns = np.where(inside, rows, 0), np.where(inside, columns, 0)
+        tiles = self.table[index, rows >> BITS, columns >> BITS]
+        return inside & (self.log_odds[tiles, rows & LOW, columns & LOW] > 0.0)
 
     def log_odds_of(self, index: int) -> tuple[Field, tuple[int, int]]:
         """One map's log-odds (rows, columns) as an array of its own, and the row and column of the world's origin."""

@@ -131,6 +131,7 @@ class ReplayStream:
                 self._log_texture(self._last, result.texture, always=True)
             if hindsight_differs(result):
                 self._log_lines("hindsight", self._last, [result.estimate], TRAIL_Z)
+            self._log_closures(self._last, result.closures)
         if self._alone and len(result.stamps):
             send_scene(self.sink, self.recording, [self], Framing.of_results([result]), final=True)
 
@@ -257,13 +258,17 @@ class ReplayStream:
             self._log_now(self.entities.filter("walls"), step, pictures.walls(step.grid))
         if step.texture is not None:
             self._log_texture(step, step.texture)
-        if estimate.closures:
-            self._closures += estimate.closures
-            pairs = [np.stack([c.earlier_position, c.later_position]) for c in self._closures]
-            self._log_lines("closures", step, pairs, POSE_Z)
+        self._log_closures(step, estimate.closures)
         for kind, contents in self._camera.due(step.stamp):
             path = self.entities.filter("robot/camera") if kind == "color" else self.entities.disparity_image
             self._log_now(path, step, pictures.encoded(contents))
+
+    def _log_closures(self, step: Step, closures: Sequence[LoopClosure]) -> None:
+        """Add newly closed loops to those that are drawn."""
+        if closures:
+            self._closures += closures
+            pairs = [np.stack([c.earlier_position, c.later_position]) for c in self._closures]
+            self._log_lines("closures", step, pairs, POSE_Z)
 
     def _log_maps(self, step: Step, grid: OccupancyGrid, reckoned: OccupancyGrid) -> int:
         drawn, size = pictures.grid_map(grid)
