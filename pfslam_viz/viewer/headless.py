@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from pfslam_viz.errors import InputError, PfslamError
-from pfslam_viz.viewer.sinks import _free_port, viewer_binary
+from pfslam_viz.viewer.sinks import free_port, viewer_binary
 
 START_SECONDS = 60.0
 SETTLE_SECONDS = 1.0  # compressed images decode after the first paint
@@ -87,7 +87,7 @@ def headless_viewer(size: tuple[int, int] = (1600, 900), memory: str = "4GB") ->
     """A viewer of this size in pixels, which ends with the block. Raises PfslamError where there is no Vulkan."""
     from rerun.experimental import ViewerClient
 
-    port = _free_port("127.0.0.1")
+    port = free_port("127.0.0.1")
     width, height = size
     command: list[str | Path] = [viewer_binary(), "--headless", "--hide-welcome-screen", "--memory-limit", memory]
     command += ["--bind", "127.0.0.1", "--port", str(port), "--window-size", f"{width}x{height}"]

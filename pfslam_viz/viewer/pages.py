@@ -45,7 +45,7 @@ SHARED_ENTITIES: tuple[tuple[str, str], ...] = (
 CURVES: tuple[tuple[str, str], ...] = (
     ("plots/drift/{run}", "m between dead reckoning and the filter"),
     ("plots/heading_drift/{run}", "degrees between them"),
-    ("plots/error/{run}", "m from the filter's pose to the truth"),
+    ("plots/error/{run}", "m from the filter's pose, as it was estimated then, to the truth"),
     ("plots/error/dead_reckoning", "m from dead reckoning to the truth"),
     ("plots/n_eff/{run}", "effective number of particles, 1 / Σ w²"),
     ("plots/spread/{run}", "m: standard deviation of the particles' positions"),

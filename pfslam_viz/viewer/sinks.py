@@ -286,7 +286,7 @@ def _until_interrupted() -> None:
 
 
 def _server(address: str, sink: Sink) -> tuple[rr.GrpcServerSink, str]:
-    port = PORT if _is_free(address, PORT) else _free_port(address)
+    port = PORT if _is_free(address, PORT) else free_port(address)
     server = rr.GrpcServerSink(bind_ip=address, port=port)
     if address not in LOOPBACK:
         sink.say(f"warning: serving on {address}: everybody who can reach this machine's port {port} can watch")
@@ -306,7 +306,7 @@ def viewer_binary() -> Path:
 
 def _spawn(sink: Sink, binary: Path | None = None) -> str:
     """Start a viewer that listens on the loopback only; its URL. It outlives this process and its Ctrl-C."""
-    port = PORT if _is_free("127.0.0.1", PORT) else _free_port("127.0.0.1")
+    port = PORT if _is_free("127.0.0.1", PORT) else free_port("127.0.0.1")
     command = [str(binary or viewer_binary()), "--bind", "127.0.0.1", "--port", str(port), "--expect-data-soon"]
     try:
         viewer = subprocess.Popen(
@@ -362,7 +362,8 @@ def _is_free(host: str, port: int) -> bool:
         return False
 
 
-def _free_port(host: str) -> int:
+def free_port(host: str) -> int:
+    """A port on ``host`` that nobody listens on. Raises InputError when the address is not this machine's."""
     try:
         return _bind(host, 0)
     except OSError as error:
