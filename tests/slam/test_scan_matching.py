@@ -8,7 +8,16 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.simulation.sensors import true_ranges
-from pfslam_viz.slam.scan_matching import MOST, NOISE, OPEN, WALL_REACH, ScanStore, match_pairs, wall_normals
+from pfslam_viz.slam.scan_matching import (
+    MOST,
+    NOISE,
+    OPEN,
+    WALL_REACH,
+    ScanStore,
+    match_pairs,
+    open_direction,
+    wall_normals,
+)
 
 Array = NDArray[np.float64]
 
@@ -56,11 +65,11 @@ def matched(store: ScanStore, guess: Array, prior: Array = LOOSE) -> tuple[Array
 @pytest.mark.parametrize("direction", [0.0, 0.4, math.pi / 2, 2.5])
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_the_normal_of_a_straight_wall_points_to_the_lidar(direction: float, side: float) -> None:
-    """A wall 2 m to the side of the lidar; its normal is a quarter turn from its direction, towards the lidar."""
+    """A wall 1 m to the side of the lidar, which is not where the robot is: some walls lie between the two."""
     along = np.array([math.cos(direction), math.sin(direction)])
     normal = np.array([-along[1], along[0]])
-    sensor = np.array([0.3, -0.2])
-    points = sensor - side * 2.0 * normal + np.linspace(-1, 1, 60)[:, None] * along
+    sensor = np.array([3.0, -2.0])
+    points = sensor - side * 1.0 * normal + np.linspace(-1, 1, 60)[:, None] * along
     np.testing.assert_allclose(wall_normals(points, sensor, 0.3), np.tile(side * normal, (60, 1)), atol=1e-6)
 
 
@@ -281,6 +290,8 @@ def test_a_bare_corridor_leaves_its_axis_to_the_guess() -> None:
     assert overlap > 0.6
     low, high = np.linalg.eigvalsh(information[:2, :2])
     assert low == pytest.approx(0.0, abs=1e-9 * high)
+    free = open_direction(information)
+    assert free is not None and abs(free @ axis) > 0.999 and np.hypot(*free) == pytest.approx(1.0)
     assert across @ information[:2, :2] @ across > 0.99 * high > 1e4
     assert abs(np.linalg.eigh(information[:2, :2])[1][:, 0] @ axis) > 0.999
     assert np.linalg.eigvalsh(information)[1] > 1e3  # across and heading are known
@@ -296,6 +307,8 @@ def test_a_corridor_with_an_end_is_not_open() -> None:
     pose, information, _, _ = matched(store, guess)
     np.testing.assert_allclose(geometry.compose(start, pose), end, atol=0.01)
     assert np.linalg.eigvalsh(information[:2, :2])[0] > 1e3
+    assert open_direction(information) is None
+    assert open_direction(np.zeros((3, 3))) is None  # nothing matched: that is another matter
 
 
 def test_a_tight_prior_holds_the_guess_and_a_loose_one_does_not() -> None:

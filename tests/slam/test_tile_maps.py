@@ -8,6 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
+from pfslam_viz.config import Config, MapConfig, RaoBlackwellizedConfig
 from pfslam_viz.slam import tile_maps
 from pfslam_viz.slam.tile_maps import REACH, SIZE, TileMaps, TileSettings, agreement, field_kernel
 
@@ -326,6 +327,30 @@ def test_log_odds_of_is_a_copy() -> None:
     log_odds, _ = maps.log_odds_of(0)
     log_odds[:] = 7.0
     assert maps.log_odds.max() < 1.0
+
+
+def test_what_is_occupied_at_a_point() -> None:
+    """The wall at (0.525, 0.025) of map 1 alone: inside, beside, in the other map, far away."""
+    maps = TileMaps(2, config())
+    maps.draw(np.array([[5.025, 5.025, 0.0], [0.025, 0.025, 0.0]]), np.array([[0.5, 0.0]]), np.zeros(2))
+    points = np.array([[0.501, 0.049], [0.549, 0.001], [0.499, 0.02], [0.52, -0.001], [0.3, 0.02], [5.525, 5.025]])
+    far = np.array([[-100.0, 0.025], [100.0, 0.025], [0.525, 100.0], [0.525, -100.0]])
+    assert maps.occupied_at(1, points).tolist() == [True, True, False, False, False, False]
+    assert maps.occupied_at(0, points).tolist() == [False] * 5 + [True]
+    assert not maps.occupied_at(1, far).any()
+    log_odds, origin = maps.log_odds_of(1)
+    some = np.random.default_rng(5).uniform(-1, 1, (500, 2)) * 0.4 + [0.4, 0.0]
+    cells = np.array([cell_of(point) for point in some]) + origin
+    np.testing.assert_array_equal(maps.occupied_at(1, some), log_odds[cells[:, 0], cells[:, 1]] > 0)
+
+
+def test_settings_come_from_the_map_and_the_filter() -> None:
+    numbers = {"cell": 0.1, "log_odds_hit": 0.5, "log_odds_miss": 0.2, "log_odds_bound": 3.0}
+    filter_numbers = {"sigma": 0.07, "floor": 0.2, "free_beams": 99}
+    settings = TileSettings.of(
+        Config(map=MapConfig(**numbers), rao_blackwellized=RaoBlackwellizedConfig(**filter_numbers))
+    )
+    assert settings == TileSettings(**numbers, **filter_numbers)
 
 
 def plain_agreement(field: NDArray[np.float32], origin: Array, pose: Array, points: Array) -> float:
