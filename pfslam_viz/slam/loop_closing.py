@@ -26,6 +26,8 @@ Field = NDArray[np.float32]
 CELL = 0.1  # m of the map that is searched
 BLUR = 0.12  # m: how far from a wall an end point still counts
 TURN_STEP = 0.03  # rad
+VIEW = 12.0  # m round a place that its map covers
+WELL = 0.8  # agreement from which two views need not be searched: they fit as they lie
 EVERY = 5  # key scans from one that is looked at to the next
 AROUND = 12  # key scans before and after that are put together to one view
 POINTS = 300  # end points of a view that are laid over the map, about
@@ -84,18 +86,28 @@ def _search_all(
 ) -> list[tuple[int, int, Array]]:
     """The candidates that fit somewhere else than where they are: earlier, later, and the increment between them."""
     found = []
+    views: dict[int, Array] = {}
+
+    def view_of(key: int) -> Array:
+        if key not in views:
+            views[key] = view(scans, poses, key)
+        return views[key]
+
+    turns = np.arange(-config.most_turn, config.most_turn + TURN_STEP / 2, TURN_STEP)
     for earlier, later, reach in zip(candidates.earlier, candidates.later, candidates.reach, strict=True):
-        place = view(scans, poses, int(earlier))
-        seen = geometry.transform(geometry.between(poses[earlier], poses[later]), view(scans, poses, int(later)))
-        centre = geometry.between(poses[earlier], poses[later])[:2]
-        field, corner = blurred(place, centre, float(reach) + 12.0)
-        points = seen[:: max(1, len(seen) // POINTS)] - centre
-        turns = np.arange(-config.most_turn, config.most_turn + TURN_STEP / 2, TURN_STEP)
+        pivot = geometry.between(poses[earlier], poses[later])
+        centre = pivot[:2]
+        seen = view_of(int(later))
+        points = geometry.transform(pivot, seen[:: max(1, len(seen) // POINTS)]) - centre
+        field, corner = blurred(view_of(int(earlier)), centre, float(reach) + VIEW)
+        at = (centre - corner) / CELL
+        here = float(overlay(field, at, points / CELL, np.zeros(1), 2).max())
+        if here > WELL:
+            continue
         steps = math.ceil(float(reach) / CELL)
-        scores = overlay(field, (centre - corner) / CELL, points / CELL, turns, steps)
+        scores = overlay(field, at, points / CELL, turns, steps)
         best = np.unravel_index(int(np.argmax(scores)), scores.shape)
         score = float(scores[best])
-        here = float(scores[len(turns) // 2, steps - 2 : steps + 3, steps - 2 : steps + 3].max())
         if score < config.score or here > config.rival * score:
             continue  # it fits nowhere, or as well where it is
         rivals = scores.max(axis=0)
@@ -104,7 +116,6 @@ def _search_all(
         if rivals.max() > config.rival * score:
             continue
         shift = np.array([(best[2] - steps) * CELL, (best[1] - steps) * CELL])
-        pivot = geometry.between(poses[earlier], poses[later])
         turn = float(turns[best[0]])
         found.append((int(earlier), int(later), np.array([*(pivot[:2] + shift), pivot[2] + turn])))
     return found
@@ -112,7 +123,7 @@ def _search_all(
 
 def view(scans: ScanStore, poses: Array, key: int) -> Array:
     """End points (m, 2) of the key scans around ``key``, in its frame."""
-    near = range(max(0, key - AROUND), min(len(poses), key + AROUND + 1), 2)
+    near = range(max(0, key - AROUND), min(len(poses), key + AROUND + 1), 3)
     return np.concatenate(
         [geometry.transform(geometry.between(poses[key], poses[k]), scans.points_of(k)) for k in near]
     )

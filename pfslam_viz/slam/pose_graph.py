@@ -77,7 +77,7 @@ def weights(poses: Array, constraints: Constraints, scale: float) -> Array:
 def optimize(poses: Array, constraints: Constraints, *, iterations: int = 10, scale: float = 5.0) -> Array:
     """The poses (n, 3) that satisfy the constraints best; the first one stays where it is.
 
-    Stops when no pose moves by more than 0.1 mm or 0.01 mrad.
+    Stops when no pose moves by more than 0.5 mm or 0.1 mrad.
     """
     from scipy.sparse import coo_matrix
     from scipy.sparse.linalg import splu
@@ -107,7 +107,7 @@ def optimize(poses: Array, constraints: Constraints, *, iterations: int = 10, sc
         change = step.reshape(-1, 3)
         x[1:] += change
         x[1:, 2] = geometry.wrap(x[1:, 2])
-        if np.abs(change[:, :2]).max() < 1e-4 and np.abs(change[:, 2]).max() < 1e-5:
+        if np.abs(change[:, :2]).max() < 5e-4 and np.abs(change[:, 2]).max() < 1e-4:
             break
     return x
 
