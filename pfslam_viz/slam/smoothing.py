@@ -25,6 +25,9 @@ GATES = np.array([0.2, 0.1])  # once the graph has settled
 GUESS = np.array([0.1, 0.1, 0.05]) ** -2.0  # what holds a match to its guess: 1/m², 1/m², 1/rad²
 SEARCHES = 3  # a closed loop can bring others within reach
 ITERATIONS = 8
+LEAST_DRIVEN = 0.05  # m between two key scans from which they tell the wheels' scale ...
+TELLING = 0.2  # ... if so much of what the scans know is known along the way
+LEAST_TELLING = 30  # pairs of key scans
 LONGEST_SHIFT = 0.4  # m
 LARGEST_TURN = 0.2  # rad
 BEAMS = 180  # end points a scan that are matched, about
@@ -47,6 +50,7 @@ class Smoother:
 
     def __init__(self, scans: ScanStore, odometry: Array, config: SmoothingConfig, loops: LoopClosingConfig) -> None:
         self.scans, self.config, self.loops = scans, config, loops
+        self._odometry = odometry
         self._motion = odometry_constraints(odometry, config)
 
     def smooth(self, poses: Array) -> Smoothed:
@@ -59,6 +63,7 @@ class Smoother:
         if len(poses) < 3:
             return Smoothed(poses, closed)
         poses, _ = self.relax(poses, FIRST_GATES)
+        self._motion = odometry_constraints(self._odometry * [*2 * [self.wheel_scale(poses)], 1.0], self.config)
         poses, support = self.relax(poses, GATES)
         if self.loops.enabled:
             for _ in range(SEARCHES):
@@ -81,6 +86,24 @@ class Smoother:
         constraints = Constraints.join([self._motion, matched])
         poses = optimize(poses, constraints, iterations=ITERATIONS, scale=self.config.scale)
         return poses, float(weights(poses, constraints, self.config.scale).sum())
+
+    def wheel_scale(self, poses: Array) -> float:
+        """Metres driven per metre that the odometry says: the median where successive scans can tell; else 1.
+
+        A worn or badly measured wheel is wrong by the same share everywhere. Where a corridor leaves the scans no say,
+        the odometry then says what it says elsewhere, corrected.
+        """
+        successive = np.stack([np.arange(len(poses) - 1), np.arange(1, len(poses))], axis=-1)
+        found = match(self.scans, poses, successive, GATES, self.config)
+        wheels = self._odometry[found.end, :2]
+        driven = np.hypot(wheels[:, 0], wheels[:, 1])
+        ahead = wheels / np.maximum(driven, 1e-9)[:, None]
+        known = np.einsum("ki,kij,kj->k", ahead, found.information[:, :2, :2], ahead)
+        telling = (driven > LEAST_DRIVEN) & (known > TELLING * np.trace(found.information[:, :2, :2], axis1=1, axis2=2))
+        if telling.sum() < LEAST_TELLING:
+            return 1.0
+        scale = float(np.median(np.einsum("ki,ki->k", found.measured[telling, :2], ahead[telling]) / driven[telling]))
+        return scale if 0.8 < scale < 1.25 else 1.0
 
     def close(self, poses: Array, loop: Constraints) -> tuple[Array, float]:
         """Pull the graph together at ``loop``, then let it relax without: poses (k, 3) and what agrees with them."""
