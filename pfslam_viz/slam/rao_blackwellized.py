@@ -21,13 +21,8 @@ from pfslam_viz.slam.tile_maps import TileMaps, TileSettings
 
 Array = NDArray[np.float64]
 
-
 GATES = np.array([0.5, 0.3, 0.2, 0.1])  # m: greatest distance of correspondences, iteration after iteration
-
-
 DOUBT = 4.0  # how much wider than its noise the odometry's prior is while a scan is matched: wheels also slip
-
-
 BEAMS = 200  # end points that are matched with the last key scan, about
 STILL = 1e-4  # m or rad: below it the robot stands
 
@@ -48,8 +43,8 @@ class Motion:
 class RaoBlackwellizedFilter:
     """N hypotheses of the whole trajectory, each with the map that follows from it.
 
-    A scan is used ("key scan") when the robot has moved on since the last one; in between the particles go along with
-    the odometry.
+    A scan is used ("key scan") when the robot has moved on since the last one. In between, the particles go along with
+    the motion that matching each scan with the last key scan finds; where that says nothing, the odometry does.
     """
 
     def __init__(self, config: Config) -> None:
