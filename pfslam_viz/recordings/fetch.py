@@ -1,5 +1,6 @@
 """``pfslam-viz fetch``: public recordings to the disk, with their licence beside them."""
 
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -60,7 +61,11 @@ def fetch(
         raise InputError(f"--base-url {base_url}: must start with http:// or https://")
     folder = _destination(name, recordings_dir() if data is None else data)
     mirror = _Mirror(base_url)
-    paths = _fetch_files(source, folder, mirror, connections, progress, patience)
+    try:
+        paths = _fetch_files(source, folder, mirror, connections, progress, patience)
+    finally:
+        with suppress(OSError):
+            folder.rmdir()  # only if nothing came
     _keep_notice(source, folder)
     if rgbd:
         paths += _fetch_frames(source, folder, every, mirror, connections, progress, patience)

@@ -265,6 +265,13 @@ def test_what_is_missing_is_resumed(server: Server, small: dict[str, bytes], tmp
     assert server.asked["/o/r/c/Imu21.npz"] == 1
 
 
+def test_where_nothing_comes_no_folder_is_left(server: Server, tmp_path: Path) -> None:
+    server.answers.clear()
+    with pytest.raises(PfslamError, match="404"):
+        run(server, tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_wrong_content_is_not_kept(server: Server, small: dict[str, bytes], tmp_path: Path) -> None:
     server.answers |= small | {"/o/r/c/Imu21.npz": b"j" * 100}
     with pytest.raises(PfslamError, match=r"Imu21\.npz: its content is not what was published"):
