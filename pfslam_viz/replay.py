@@ -99,6 +99,7 @@ class Replay:
         self._done = self._resamplings = self._uninformative = 0
         self._finished = False
         self._finish_seconds = 0.0
+        self._texture = None if self.painter is None else self.painter.texture
 
     def __iter__(self) -> Iterator[Step]:
         try:
@@ -114,7 +115,16 @@ class Replay:
             self._finish_seconds = perf_counter() - started
             if self.painter:
                 self.painter.finish()
+                self._texture = self._settled_texture(self.painter)
             self._finished = True
+
+    def _settled_texture(self, painter: "TexturePainter") -> "FloorTexture":
+        """The floor as painted on the way, or painted anew where hindsight moved the trajectory by a cell or more."""
+        settled = self.slam.trajectory()
+        moved = np.hypot(*(settled - self._online)[:, :2].T)
+        if len(moved) == 0 or moved.max() < painter.texture.cell:
+            return painter.texture
+        return painter.repaint(self.recording.stamps, settled)
 
     def _steps(self) -> Iterator[Step]:
         """Algorithm 1, scan by scan, with dead reckoning beside it."""
@@ -188,7 +198,7 @@ class Replay:
             interrupted=n < len(self.recording),
             finish_seconds=self._finish_seconds,
             closures=self.slam.closures,
-            texture=None if self.painter is None else self.painter.texture,
+            texture=self._texture,
             skipped_frames=None if self.painter is None else self.painter.skipped,
         )
 
