@@ -251,3 +251,24 @@ def test_twin_of_a_real_drive(shared_data: Path, name: str, position: float, hea
     assert position_error(result.estimate, result.truth) < position
     turned = np.degrees(geometry.wrap(result.estimate[:, 2] - result.truth[:, 2]))
     assert np.sqrt(np.mean(turned**2)) < heading
+
+
+def test_the_floor_is_painted_anew_where_hindsight_moved_the_trajectory(tmp_path: Path) -> None:
+    from pfslam_viz.recordings import ece276a
+    from pfslam_viz.simulation.recording import simulate
+
+    recording = ece276a.load(simulate(tmp_path / "drive", seed=3, duration=6.0)).select(0, 200)
+    replay = Replay(recording, load_config("paper", ["particles=5"]))
+    assert replay.painter is not None
+    online = list(replay) and replay.result().texture
+    assert online is replay.painter.texture  # one map has no hindsight
+
+    again = Replay(recording, load_config("paper", ["particles=5"]))
+    shifted = replay.slam.trajectory() + np.array([3.0, 0.0, 0.0])
+    again.slam.trajectory = lambda: shifted  # type: ignore[method-assign]
+    list(again)
+    settled = again.result().texture
+    assert settled is not None and online is not None
+    cells = round(3.0 / online.cell)
+    left, moved = (np.flatnonzero((t.weight > 0).any(axis=0)).min() - t.origin[1] for t in (online, settled))
+    assert abs(moved - left - cells) <= 2
