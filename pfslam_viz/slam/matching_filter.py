@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from pfslam_viz import geometry
 from pfslam_viz.config import Config
 from pfslam_viz.slam import kernels, motion, point_to_line, resampling
-from pfslam_viz.slam.protocol import Estimate, LoopClosure, Match, Scan
+from pfslam_viz.slam.belief import Belief
+from pfslam_viz.slam.protocol import Match, Scan
 from pfslam_viz.slam.scan_matching import wall_normals
 from pfslam_viz.slam.wall_map import WallMap
 
@@ -21,7 +22,7 @@ THIN = 4  # one end point in so many weighs the particles
 WORTH = 0.1  # share of a key scan's motion after which a stop is worth a key scan
 
 
-class MatchingFilter:
+class MatchingFilter(Belief):
     """Particles (N, 3) that share one map, moved as a cloud to where the scan fits the map best, then weighed by it.
 
     A scan is used ("key scan") when the robot has moved on since the last one, or has stopped: it is matched, point to
@@ -32,18 +33,12 @@ class MatchingFilter:
     """
 
     def __init__(self, config: Config) -> None:
+        super().__init__(config.particles, config.seed)
         self.config = config
         self.grid = WallMap(config.map, config.matching)
-        self._rng = np.random.default_rng(config.seed)
-        n = config.particles
-        self._particles = np.zeros((n, 3))
-        self._log_weights = np.zeros(n)
-        self._weighed = (self._particles, np.full(n, 1.0 / n))
-        self._parents = self._drawn = np.arange(n)
+        self._log_weights = np.zeros(config.particles)
         self._driven = self._turned = 0.0
-        self._moving = self._keyed = self._resampled = False
-        self._informative = True
-        self._match: Match | None = None
+        self._moving = self._keyed = False
         self._normals = np.zeros((0, 2))
         self._online: list[Array] = []
 
@@ -153,32 +148,9 @@ class MatchingFilter:
             self._particles = self._particles[self._drawn]
             self._log_weights = np.zeros(len(weights))
 
-    def estimate(self) -> Estimate:
-        """The belief after the scan, from the particles as they were weighed (before resampling)."""
-        particles, weights = self._weighed
-        mean, covariance, n_eff = kernels.moments(particles, weights)
-        return Estimate(
-            particles=particles,
-            weights=weights,
-            best=self.best,
-            mean=mean,
-            covariance=covariance,
-            n_eff=n_eff,
-            resampled=self._resampled,
-            informative=self._informative,
-            parents=self._parents,
-            match=self._match,
-            map_updated=self._keyed,
-        )
-
     def trajectory(self) -> Array:
         """(n, 3) the mode at every scan: one map keeps no other history."""
         return np.array(self._online).reshape(-1, 3)
-
-    @property
-    def closures(self) -> tuple[LoopClosure, ...]:
-        """None: one map keeps no scans to close a loop with."""
-        return ()
 
     def finish(self) -> None:
         """Nothing is settled in hindsight."""

@@ -4,16 +4,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz.config import Config
-from pfslam_viz.slam import kernels, motion, resampling
+from pfslam_viz.slam import motion, resampling
+from pfslam_viz.slam.belief import Belief
 from pfslam_viz.slam.observation import correlation
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
-from pfslam_viz.slam.protocol import Estimate, LoopClosure, Scan
+from pfslam_viz.slam.protocol import Scan
 from pfslam_viz.slam.worker import Worker
 
 Array = NDArray[np.float64]
 
 
-class ParticleFilter:
+class ParticleFilter(Belief):
     """Algorithm 1: particles (N, 3) that share one occupancy grid, which the most likely of them draws.
 
     Everything starts at the origin; the first scan, which has no map to be compared with, draws the first map.
@@ -21,22 +22,12 @@ class ParticleFilter:
 
     def __init__(self, config: Config, worker: Worker | None = None) -> None:
         """With a ``worker``, a second thread helps to weigh the particles; the results are the same."""
+        super().__init__(config.particles, config.seed)
         self.config = config
         self.grid = OccupancyGrid(config.map)
         self._worker = worker
-        self._rng = np.random.default_rng(config.seed)
-        self._particles = np.zeros((config.particles, 3))
-        self._weights = np.full(config.particles, 1.0 / config.particles)
-        self._weighed = (self._particles, self._weights)
-        self._parents = self._drawn = np.arange(config.particles)
-        self._informative = self._resampled = False
+        self._weights = self._weighed[1]
         self._online: list[Array] = []
-
-    @property
-    def best(self) -> Array:
-        """(3,) the most likely particle after the last update: the "mode" of section I."""
-        particles, weights = self._weighed
-        return particles[int(np.argmax(weights))].copy()  # a view would keep all particles of its scan alive
 
     def predict(self, increment: Array, dt: float) -> None:
         """Move every particle by the odometry, with noise of its own: (13), (17) to (19)."""
@@ -68,30 +59,9 @@ class ParticleFilter:
             self._particles = self._particles[self._drawn]
             self._weights = np.full(n, 1.0 / n)
 
-    def estimate(self) -> Estimate:
-        """The belief after the scan, from the particles as they were weighed (before resampling)."""
-        particles, weights = self._weighed
-        mean, covariance, n_eff = kernels.moments(particles, weights)
-        return Estimate(
-            particles=particles,
-            weights=weights,
-            best=self.best,
-            mean=mean,
-            covariance=covariance,
-            n_eff=n_eff,
-            resampled=self._resampled,
-            informative=self._informative,
-            parents=self._parents,
-        )
-
     def trajectory(self) -> Array:
         """(n, 3) the best particle at every scan: one map keeps no other history."""
         return np.array(self._online).reshape(-1, 3)
-
-    @property
-    def closures(self) -> tuple[LoopClosure, ...]:
-        """None: one map keeps no scans to close a loop with."""
-        return ()
 
     def finish(self) -> None:
         """Nothing is settled in hindsight."""

@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 from pfslam_viz import geometry
 from pfslam_viz.config import Config
 from pfslam_viz.slam import kernels, resampling
+from pfslam_viz.slam.belief import Belief
 from pfslam_viz.slam.best_map import BestMap
 from pfslam_viz.slam.history import History
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.slam.pose_graph import turned
 from pfslam_viz.slam.proposal import propose, spread_points
-from pfslam_viz.slam.protocol import Estimate, LoopClosure, Match, Scan
+from pfslam_viz.slam.protocol import LoopClosure, Match, Scan
 from pfslam_viz.slam.scan_matching import ScanStore, open_direction
 from pfslam_viz.slam.smoothing import Smoother
 from pfslam_viz.slam.threads import in_halves
@@ -40,7 +41,7 @@ class Motion:
     open_direction: Array | None = None
 
 
-class RaoBlackwellizedFilter:
+class RaoBlackwellizedFilter(Belief):
     """N hypotheses of the whole trajectory, each with the map that follows from it.
 
     A scan is used ("key scan") when the robot has moved on since the last one. In between, the particles go along with
@@ -48,14 +49,11 @@ class RaoBlackwellizedFilter:
     """
 
     def __init__(self, config: Config) -> None:
+        super().__init__(config.particles, config.seed)
         self.config = config
         self._settings = config.rao_blackwellized
-        self._rng = np.random.default_rng(config.seed)
         n = config.particles
-        self._particles = np.zeros((n, 3))
         self._log_weights = np.zeros(n)
-        self._weighed = (self._particles, np.full(n, 1.0 / n))
-        self._parents = self._drawn = np.arange(n)
         self._maps = TileMaps(n, TileSettings.of(config))
         self._history = History(n)
         self._scans = ScanStore(np.zeros(2))
@@ -66,20 +64,12 @@ class RaoBlackwellizedFilter:
         self._moved = np.zeros(3)  # the same, corrected by matching the scans
         self._still = True
         self._driven = self._turned = 0.0
-        self._keyed = self._resampled = False
-        self._match: Match | None = None
         self._grid = BestMap(config, self._maps)
 
     @property
     def grid(self) -> OccupancyGrid:
         """The most likely particle's map."""
         return self._grid
-
-    @property
-    def best(self) -> Array:
-        """(3,) the most likely particle after the last update."""
-        particles, weights = self._weighed
-        return particles[int(np.argmax(weights))]
 
     def predict(self, increment: Array, dt: float) -> None:
         """Carry every particle along with the odometry; its noise is drawn when a scan is used."""
@@ -209,24 +199,6 @@ class RaoBlackwellizedFilter:
             self._key_particles = self._particles
         if self._resampled:
             self._grid.follow(int(np.argmax(self._drawn == np.argmax(weights))))
-
-    def estimate(self) -> Estimate:
-        """The belief after the scan, from the particles as they were weighed (before resampling)."""
-        particles, weights = self._weighed
-        mean, covariance, n_eff = kernels.moments(particles, weights)
-        return Estimate(
-            particles=particles,
-            weights=weights,
-            best=self.best,
-            mean=mean,
-            covariance=covariance,
-            n_eff=n_eff,
-            resampled=self._resampled,
-            informative=True,
-            parents=self._parents,
-            match=self._match,
-            map_updated=self._keyed,
-        )
 
     def trajectory(self) -> Array:
         """(n, 3) the most likely particle's whole history, smoothed once all scans are in."""

@@ -1,0 +1,51 @@
+"""What every back end holds of its particles, and how it tells of them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pfslam_viz.slam import kernels
+from pfslam_viz.slam.protocol import Estimate, LoopClosure, Match
+
+Array = NDArray[np.float64]
+
+
+class Belief:
+    """N weighted particles, all at the origin at first, and the generator that their noise is drawn from."""
+
+    def __init__(self, count: int, seed: int) -> None:
+        self._rng = np.random.default_rng(seed)
+        self._particles = np.zeros((count, 3))
+        self._weighed = (self._particles, np.full(count, 1.0 / count))  # as they were before resampling
+        self._parents = self._drawn = np.arange(count)
+        self._informative = self._keyed = True
+        self._resampled = False
+        self._match: Match | None = None
+
+    @property
+    def best(self) -> Array:
+        """(3,) the most likely particle after the last update: the "mode" of section I."""
+        particles, weights = self._weighed
+        return particles[int(np.argmax(weights))].copy()  # a view would keep all particles of its scan alive
+
+    @property
+    def closures(self) -> tuple[LoopClosure, ...]:
+        """None: who keeps one map keeps no scans to close a loop with."""
+        return ()
+
+    def estimate(self) -> Estimate:
+        """The belief after the scan, from the particles as they were weighed (before resampling)."""
+        particles, weights = self._weighed
+        mean, covariance, n_eff = kernels.moments(particles, weights)
+        return Estimate(
+            particles=particles,
+            weights=weights,
+            best=self.best,
+            mean=mean,
+            covariance=covariance,
+            n_eff=n_eff,
+            resampled=self._resampled,
+            informative=self._informative,
+            parents=self._parents,
+            match=self._match,
+            map_updated=self._keyed,
+        )
