@@ -105,7 +105,7 @@ class RaoBlackwellizedConfig(_Section):
     scan_temper: Positive = Field(0.05, description="exponent of the scan-to-scan match's likelihood")
     scan_overlap: float = Field(0.25, ge=0, le=1, description="share of matched end points below which odometry rules")
     max_range: Positive = Field(20.0, description="m; beams longer than this are neither matched nor drawn")
-    free_beams: int = Field(200, ge=10, description="beams that clear free space at most; all of them mark walls")
+    free_beams: int = Field(100, ge=10, description="beams that clear free space at most; all of them mark walls")
     match_beams: int = Field(180, ge=10, description="end points that are matched, spread evenly along the walls")
     match_spacing: NonNegative = Field(0.05, description="m between end points that are matched")
     search_distance: Positive = Field(0.04, description="m; first step of the search")

@@ -30,15 +30,16 @@ STILL = 1e-4  # m or rad: below it the robot stands
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """The increment (3,) since the last key scan, its covariance (3, 3), and how much of the scan matched [0, 1].
+    """How the robot moved since the last key scan: increment (3,), in that scan's frame.
 
-    ``open_direction`` (2,), in the last key scan's frame, is the one that the scans say nothing of, if there is one.
+    ``odometry`` and ``scans`` (3, 3) are the information that each has on it, ``overlap`` how much of the scan matched,
+    in [0, 1].
     """
 
     increment: Array
-    covariance: Array
+    odometry: Array
+    scans: Array
     overlap: float
-    open_direction: Array | None = None
 
 
 class RaoBlackwellizedFilter(Belief):
@@ -108,7 +109,8 @@ class RaoBlackwellizedFilter(Belief):
         self._history.add_scan(self._moved)
 
     def _remember(self, scan: Scan) -> None:
-        near = np.hypot(*(scan.points - scan.origin).T) <= self._settings.max_range
+        seen = scan.points - scan.origin
+        near = seen[:, 0] ** 2 + seen[:, 1] ** 2 <= self._settings.max_range**2
         if len(self._scans) == 0:
             self._scans = ScanStore(scan.origin)
         self._scans.add(scan.points[near])
@@ -135,17 +137,17 @@ class RaoBlackwellizedFilter(Belief):
         )
         overlap = float(found.overlap[0])
         if overlap < s.scan_overlap:
-            return Motion(self._moved, np.diag(deviation**2), overlap)
-        information = np.diag(prior) + s.scan_temper * found.information[0]
-        return Motion(found.poses[0], np.linalg.inv(information), overlap, open_direction(found.information[0]))
+            return Motion(self._moved, np.diag(prior), np.zeros((3, 3)), overlap)
+        return Motion(found.poses[0], np.diag(prior), s.scan_temper * found.information[0], overlap)
 
     def _propose(self, scan: Scan, motion: "Motion") -> None:
         """Move every particle to the mean of its improved proposal, and weigh it by the evidence for it."""
         s, n = self._settings, len(self._particles)
-        noise = self._rng.standard_normal((n, 3)) @ np.linalg.cholesky(motion.covariance).T
+        information = motion.odometry + motion.scans
+        noise = self._rng.standard_normal((n, 3)) @ np.linalg.cholesky(np.linalg.inv(information)).T
         guesses = geometry.compose(self._key_particles, motion.increment + noise)
         points = spread_points(scan.points, scan.origin, s.max_range, s.match_spacing, s.match_beams)
-        prior = turned(np.linalg.inv(motion.covariance), motion.increment[2])
+        prior = turned(information, motion.increment[2])
         steps = np.array([s.search_distance, s.search_angle])
         spread = np.array([s.sample_distance, s.sample_angle])
         normals = self._rng.standard_normal((n, s.samples, 3))
@@ -174,7 +176,7 @@ class RaoBlackwellizedFilter(Belief):
         self._log_weights = self._log_weights + evidence
         best = int(np.argmax(self._log_weights))
         by_odometry = geometry.compose(self._key_particles[best], self._odometry)
-        axis = motion.open_direction
+        axis = open_direction(motion.scans)
         if axis is not None:
             axis = geometry.transform(np.array([0.0, 0.0, self._key_particles[best, 2]]), axis[None])[0]
         self._match = Match(geometry.between(by_odometry, means[best]), motion.overlap, axis)

@@ -146,9 +146,9 @@ class Matches:
 
 
 def open_direction(information: Array) -> Array | None:
-    """The unit direction (2,) of which a match's information (3, 3) has nothing, or None: see :func:`match_pairs`."""
+    """The unit direction (2,) of which a match's information (3, 3) has nothing, while it has of the other; or None."""
     values, vectors = np.linalg.eigh(information[:2, :2])
-    return vectors[:, 0] if values[0] < 1e-6 * values[1] else None
+    return vectors[:, 0] if values[1] > 0.0 and values[0] < 1e-6 * values[1] else None
 
 
 @njit(cache=True, nogil=True)

@@ -40,7 +40,7 @@ class TileSettings:
     log_odds_bound: float = 4.0
     sigma: float = 0.05
     floor: float = 0.1
-    free_beams: int = 200
+    free_beams: int = 100
 
     @classmethod
     def of(cls, config: Config) -> "TileSettings":
