@@ -263,3 +263,19 @@ def test_the_odometry_is_as_good_as_configured() -> None:
     np.testing.assert_allclose(c.information[0], np.diag([0.06**-2, 0.06**-2, 0.075**-2]))
     np.testing.assert_allclose(c.information[1], np.diag([1e4, 1e4, 1e4]))
     assert c.robust.all()
+
+
+@pytest.mark.parametrize("scale", [1.03, 0.97, 1.0])
+def test_the_wheels_scale_is_found_where_scans_can_tell(scale: float) -> None:
+    rng = np.random.default_rng(5)
+    truth = around()
+    odometry = drifting(steps_of(truth), rng, scale=scale, turn=0.0)
+    smoother = Smoother(scans_from(BLOCK, truth, rng), odometry, SmoothingConfig(), NO_LOOPS)
+    assert smoother.wheel_scale(truth) == pytest.approx(1.0 / scale, abs=0.008)
+
+
+def test_a_bare_corridor_says_nothing_of_the_wheels() -> None:
+    rng = np.random.default_rng(6)
+    truth = geometry.accumulate([(0.0, 0.0, 0.0)] + [(0.2, 0.0, 0.0)] * 60)
+    odometry = steps_of(truth) * np.array([1.1, 1.1, 1.0])
+    assert Smoother(scans_from(CORRIDOR, truth, rng), odometry, SmoothingConfig(), NO_LOOPS).wheel_scale(truth) == 1.0
