@@ -155,6 +155,19 @@ def test_the_map_shows_the_walls_where_they_are(in_the_room: Drive) -> None:
         slam.finish()
 
 
+def test_the_map_in_hindsight_is_drawn_from_the_trajectory_in_hindsight(in_the_room: Drive) -> None:
+    slam = RaoBlackwellizedFilter(config())
+    run(slam, in_the_room)
+    before = known(slam.grid.log_odds, slam.grid.origin)
+    slam.finish()
+    drawn = TileMaps(1, TileSettings.of(slam.config))
+    for key in slam._history.keys:
+        points = in_the_room.scans[key].points.astype(np.float32).astype(np.float64)
+        drawn.draw(slam.trajectory()[key][None], points, SENSOR)
+    after = known(slam.grid.log_odds, slam.grid.origin)
+    assert after == known(*drawn.log_odds_of(0)) != before
+
+
 @pytest.fixture(scope="module")
 def office(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     """15 s in a simulated office, with wheels 5 % off and a gyro that drifts by 1.1 degrees a second."""
