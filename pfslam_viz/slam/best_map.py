@@ -48,4 +48,4 @@ class BestMap(OccupancyGrid):
     def _refresh(self) -> None:
         self._stale = False
         self.log_odds, self.origin = self._maps.log_odds_of(self._index)
-        self.occupied = (self.log_odds > 0.0).view("uint8")
+        self.occupied = (self.log_odds > self.config.threshold).view("uint8")

@@ -64,6 +64,7 @@ class RaoBlackwellizedFilter(Belief):
         self._odometry = np.zeros(3)  # since the last key scan
         self._moved = np.zeros(3)  # the same, corrected by matching the scans
         self._still = True
+        self._leader = 0  # the most likely particle, or its first descendant
         self._driven = self._turned = 0.0
         self._grid = BestMap(config, self._maps)
 
@@ -87,13 +88,14 @@ class RaoBlackwellizedFilter(Belief):
         s = self._settings
         first = len(self._history) == 0
         self._keyed = first or self._driven >= s.update_distance or self._turned >= s.update_angle
-        self._match = None
+        self._match, self._informative = None, True
         if first:
             self._remember(scan)
         elif self._keyed or not self._still:
             self._remember(scan)
             motion = self._match_last()
             self._moved = motion.increment
+            self._informative = motion.overlap > 0.0
             if self._keyed:
                 self._propose(scan, motion)
             else:
@@ -144,6 +146,9 @@ class RaoBlackwellizedFilter(Belief):
         """Move every particle to the mean of its improved proposal, and weigh it by the evidence for it."""
         s, n = self._settings, len(self._particles)
         information = motion.odometry + motion.scans
+        axis = open_direction(motion.scans)
+        if axis is not None:  # unseen cells hold the particles back there: leave the odometry no more than its noise
+            information[:2, :2] += (s.least_distance + s.noise_open * self._driven) ** -2 * np.outer(axis, axis)
         noise = self._rng.standard_normal((n, 3)) @ np.linalg.cholesky(np.linalg.inv(information)).T
         guesses = geometry.compose(self._key_particles, motion.increment + noise)
         points = spread_points(scan.points, scan.origin, s.max_range, s.match_spacing, s.match_beams)
@@ -174,9 +179,8 @@ class RaoBlackwellizedFilter(Belief):
         means[:, 2] = geometry.wrap(means[:, 2])
         self._particles = means
         self._log_weights = self._log_weights + evidence
-        best = int(np.argmax(self._log_weights))
+        best = self._leader = int(np.argmax(self._log_weights))
         by_odometry = geometry.compose(self._key_particles[best], self._odometry)
-        axis = open_direction(motion.scans)
         if axis is not None:
             axis = geometry.transform(np.array([0.0, 0.0, self._key_particles[best, 2]]), axis[None])[0]
         self._match = Match(geometry.between(by_odometry, means[best]), motion.overlap, axis)
@@ -185,7 +189,7 @@ class RaoBlackwellizedFilter(Belief):
         """Every particle writes a used scan into its own map."""
         if self._keyed:
             self._maps.draw(self._particles, self._scans.points_of(len(self._scans) - 1), scan.origin)
-            self._grid.follow(int(np.argmax(self._log_weights)))
+            self._grid.follow(self._leader)
 
     def resample(self) -> None:
         """Draw the particles anew if it is time, (30) to (32)."""
@@ -200,7 +204,8 @@ class RaoBlackwellizedFilter(Belief):
         if self._keyed:
             self._key_particles = self._particles
         if self._resampled:
-            self._grid.follow(int(np.argmax(self._drawn == np.argmax(weights))))
+            self._leader = int(np.argmax(self._drawn == self._leader))
+            self._grid.follow(self._leader)
 
     def trajectory(self) -> Array:
         """(n, 3) the most likely particle's whole history, smoothed once all scans are in."""
@@ -231,4 +236,4 @@ class RaoBlackwellizedFilter(Belief):
     def _key_poses(self) -> Array:
         if self._smoothed is not None:
             return self._smoothed
-        return self._history.key_poses(int(np.argmax(self._log_weights)))
+        return self._history.key_poses(self._leader)

@@ -155,7 +155,7 @@ def open_direction(information: Array) -> Array | None:
 def wall_normals(points: Floats, sensor: Floats, reach: float) -> Floats:
     """Unit normals (m, 2), towards the lidar, of the wall through each end point and its neighbours in ``reach`` m.
 
-    Zero where fewer than three neighbours lie there, or where they do not form a line.
+    Zero where fewer than two neighbours lie there, or where they do not form a line.
     """
     m = len(points)
     out = np.zeros((m, 2))
@@ -165,7 +165,8 @@ def wall_normals(points: Floats, sensor: Floats, reach: float) -> Floats:
         sxx, sxy, syy = sx * sx, sx * sy, sy * sy
         for side in (-1, 1):
             k = b + side
-            while 0 <= k < m and n < 40:
+            reached = 0
+            while 0 <= k < m and reached < 20:
                 dx, dy = points[k, 0] - points[b, 0], points[k, 1] - points[b, 1]
                 if dx * dx + dy * dy > reach * reach:
                     break
@@ -175,6 +176,7 @@ def wall_normals(points: Floats, sensor: Floats, reach: float) -> Floats:
                 sxy += points[k, 0] * points[k, 1]
                 syy += points[k, 1] * points[k, 1]
                 n += 1
+                reached += 1
                 k += side
         if n < 3:
             continue
