@@ -117,9 +117,7 @@ class RaoBlackwellizedConfig(_Section):
     noise_distance: Positive = Field(0.05, description="odometry: m of error per m driven")
     noise_angle: Positive = Field(0.1, description="odometry: rad of error per rad turned")
     noise_drift: Positive = Field(0.03, description="odometry: rad of error per m driven")
-    noise_open: Positive = Field(
-        0.03, description="the same where the scans leave a direction open"
-    )
+    noise_open: Positive = Field(0.03, description="the same where the scans leave a direction open")
     least_distance: Positive = Field(0.005, description="odometry: m of error at least")
     least_angle: Positive = Field(0.002, description="odometry: rad of error at least")
 
