@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,7 @@ from pfslam_viz.slam.matching_filter import MatchingFilter
 from pfslam_viz.slam.observation import ScanReader
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.slam.particle_filter import ParticleFilter
-from pfslam_viz.slam.protocol import LoopClosure, Scan, Slam
+from pfslam_viz.slam.protocol import LoopClosure, Slam
 from pfslam_viz.slam.rao_blackwellized import RaoBlackwellizedFilter
 from pfslam_viz.slam.worker import Worker, cores
 from pfslam_viz.step import Step
@@ -88,7 +89,7 @@ class Replay:
         """
         self.recording = recording
         self.config = config
-        self._worker = Worker() if (cores() if threads is None else threads) > 1 else None
+        self._worker = Worker(cores() if threads is None else threads)
         self.slam = make_slam(config, self._worker)
         self.dead_reckoning_grid = OccupancyGrid(config.map)
         self.painter = _painter(recording, config, self.slam.grid.cell) if texture else None
@@ -105,13 +106,13 @@ class Replay:
         try:
             yield from self._steps()
         finally:
-            if self._worker:
-                self._worker.close()
+            self._worker.close()
             if self.painter:
                 self.painter.close()
         if not self._finished:
             started = perf_counter()
             self.slam.finish()
+            self._worker.close()
             self._finish_seconds = perf_counter() - started
             if self.painter:
                 self.painter.finish()
@@ -135,10 +136,10 @@ class Replay:
             clock = _Clock(self._seconds, k)
             scan = reader.read(k, float(recording.stamps[k]), recording.ranges[k])
             reckoned = self._dead_reckoning[k]
+            drawn = worker.defer(partial(self.dead_reckoning_grid.add, reckoned, scan.points, scan.origin))
             if k > 0:  # the first scan is at the origin
                 slam.predict(recording.odometry[k], float(times[k] - times[k - 1]))
             clock.lap("predict")
-            drawn = worker.submit(self._draw_dead_reckoning, reckoned, scan) if worker else None
             slam.update(scan)
             end_points, hits = slam.grid.project(slam.best, scan.points)
             clock.lap("update")
@@ -147,7 +148,7 @@ class Replay:
             slam.resample()
             estimate = slam.estimate()
             clock.lap("resample")
-            reckoned_end_points = drawn.result() if drawn else self._draw_dead_reckoning(reckoned, scan)
+            reckoned_end_points = worker.result(drawn)
             clock.lap("dead_reckoning")
             painted = painter.add_pose(scan.stamp, estimate.mean) if painter else None
             clock.lap("texture")
@@ -172,12 +173,6 @@ class Replay:
                 truth=None if self.truth is None else self.truth[k],
                 seconds={phase: float(values[k]) for phase, values in self._seconds.items()},
             )
-
-    def _draw_dead_reckoning(self, pose: Array, scan: Scan) -> Array:
-        """Write the scan into dead reckoning's map; its end points (m, 2) there."""
-        end_points, _ = self.dead_reckoning_grid.project(pose, scan.points)
-        self.dead_reckoning_grid.add(pose, scan.points, scan.origin)
-        return end_points
 
     def result(self) -> Result:
         """The Result after the iteration, or of what was done so far."""
@@ -206,7 +201,7 @@ class Replay:
 def make_slam(config: Config, worker: Worker | None = None) -> Slam:
     """The back end that the configuration names. It may have the ``worker`` help it."""
     if config.backend == "rao_blackwellized":
-        return RaoBlackwellizedFilter(config)
+        return RaoBlackwellizedFilter(config, worker)
     if config.observation.model == "scan_matching":
         return MatchingFilter(config)
     return ParticleFilter(config, worker)

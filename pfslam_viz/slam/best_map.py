@@ -5,9 +5,8 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.config import Config
-from pfslam_viz.slam.occupancy_grid import Array, OccupancyGrid, Scratch
+from pfslam_viz.slam.occupancy_grid import Array, OccupancyGrid
 from pfslam_viz.slam.tile_maps import TileMaps
-from pfslam_viz.slam.worker import Worker
 
 LOOKED_AT = frozenset({"log_odds", "occupied", "origin", "shape", "lower_left"})
 
@@ -33,12 +32,6 @@ class BestMap(OccupancyGrid):
         """As in :class:`OccupancyGrid`, straight from the tiles."""
         world = geometry.transform(pose, points)
         return world, self._maps.occupied_at(self._index, world)
-
-    def correlation(self, poses: Array, points: Array, worker: Worker | None = None) -> NDArray[np.int64]:
-        """As in :class:`OccupancyGrid`."""
-        if self._scratch.marks.shape != self.shape:
-            self._scratch, self._spare = Scratch(self.shape), None
-        return super().correlation(poses, points, worker)
 
     def __getattribute__(self, name: str) -> object:
         if name in LOOKED_AT and super().__getattribute__("_stale"):

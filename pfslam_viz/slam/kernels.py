@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
+APART = 40  # how far apart in the scan beams are that are looked up one after the other
+
 
 @njit(cache=True, nogil=True)
 def move(poses: Floats, increment: Floats, noise: Floats) -> Floats:
@@ -66,6 +68,27 @@ def moments(poses: Floats, weights: Floats) -> tuple[Floats, Floats, float]:
     return mean, covariance, 1.0 / squares
 
 
+@njit(cache=True, nogil=True)
+def pick(weights: Floats, positions: Floats) -> NDArray[np.int64]:
+    """The particles (k,) into whose share of [0, 1) the ascending ``positions`` (k,) fall, (31).
+
+    ``weights`` (N,) need not sum to 1, and one at least is above 0; a particle without weight is never drawn.
+    """
+    total, last = 0.0, 0
+    for i in range(len(weights)):
+        total += weights[i]
+        if weights[i] > 0.0:
+            last = i
+    drawn = np.empty(len(positions), np.int64)
+    reached, i = weights[0], 0
+    for k in range(len(positions)):
+        while positions[k] * total >= reached and i < last:  # rounding must not carry a position beyond the last
+            i += 1
+            reached += weights[i]
+        drawn[k] = i
+    return drawn
+
+
 @njit(cache=True, nogil=True, fastmath=True)
 def correlate(
     poses: Floats,
@@ -74,48 +97,53 @@ def correlate(
     origin_row: int,
     origin_column: int,
     cell: float,
-    visited: NDArray[np.int32],
-    mark: int,
+    marks: NDArray[np.uint8],
     counts: NDArray[np.int64],
 ) -> None:
     """Equation (26): for every pose (N, 3), how many occupied cells of the map the scan's end points (m, 2) mark.
 
     ``points`` are in the robot's frame. A cell counts once, however many beams end in it. The grid's outermost ring
-    of cells must be unoccupied: points outside the grid are looked up there. ``visited`` is a scratch grid that does
-    not yet contain the marks ``mark`` to ``mark + N - 1``. The answer goes to ``counts`` (N,).
+    of cells must be unoccupied: points outside the grid are looked up there. ``marks`` is a scratch grid of the
+    map's shape, whatever it holds. The answer goes to ``counts`` (N,).
 
     Cells are found in float32, twice as fast: an end point within 1e-4 of a cell's edge may fall on its other side.
     """
     rows, columns = occupied.shape
     m = len(points)
     scale = 1.0 / cell
-    px, py = (points[:, 0] * scale).astype(np.float32), (points[:, 1] * scale).astype(np.float32)
-    zero, right, bottom = np.float32(0.0), np.float32(columns - 0.5), np.float32(rows - 0.5)
-    flat, seen = occupied.ravel(), visited.ravel()
+    px, py = np.empty(m, np.float32), np.empty(m, np.float32)
+    reach, b = 0.0, 0
+    # Beams far apart follow each other: a cell just written is not read in the next turn, which would have to wait.
+    for first in range(APART):
+        for other in range(first, m, APART):
+            px[b], py[b] = points[other, 0] * scale, points[other, 1] * scale
+            reach = max(reach, points[other, 0] ** 2 + points[other, 1] ** 2)
+            b += 1
+    # Of the scratch grid, only the rows that the scan reaches are needed.
+    reach = math.sqrt(reach) * scale + 1.0
+    highest, lowest = origin_row - poses[:, 1].max() * scale - reach, origin_row - poses[:, 1].min() * scale + reach
+    top, bottom = int(min(max(highest, 0.0), rows - 1.0)), int(min(max(lowest, 0.0), rows - 1.0)) + 1
+    marked = marks.ravel()
+    reached, fresh = occupied.ravel()[top * columns : bottom * columns], marked[top * columns : bottom * columns]
+    zero, most_right, most_down = np.float32(0.0), np.float32(columns - 0.5), np.float32(rows - 0.5)
     index = np.empty(m, np.uint32)
-    short = np.empty(m + 1, np.uint32)
     for k in range(len(poses)):
+        # A cell's mark is the last pose that came to it: 0 where none did, 255 in unoccupied cells.
+        if k % 254 == 0:
+            for i in range(len(fresh)):
+                fresh[i] = np.uint8(reached[i] - np.uint8(1))
+        this = np.uint8(k % 254 + 1)
         c, s = np.float32(math.cos(poses[k, 2])), np.float32(math.sin(poses[k, 2]))
         x, y = np.float32(poses[k, 0] * scale + origin_column), np.float32(origin_row - poses[k, 1] * scale)
         for b in range(m):  # vectorised by the compiler; truncation is floor here, as nothing is negative
-            column = min(max(x + c * px[b] - s * py[b], zero), right)
-            row = min(max(y - s * px[b] - c * py[b], zero), bottom)
+            column = min(max(x + c * px[b] - s * py[b], zero), most_right)
+            row = min(max(y - s * px[b] - c * py[b], zero), most_down)
             index[b] = np.int32(row) * np.int32(columns) + np.int32(column)
-        # Three passes without branches: neighbours in one cell, unoccupied cells and repeated cells drop out.
-        last, distinct = np.uint32(0), np.uint64(0)
-        for b in range(m):
-            short[distinct] = index[b]
-            distinct += np.uint64(index[b] != last)
-            last = index[b]
-        hits = np.uint64(0)
-        for b in range(distinct):
-            short[hits] = short[b]
-            hits += np.uint64(flat[short[b]])
         count = np.int64(0)
-        this = np.int32(mark + k)
-        for b in range(hits):
-            count += np.int64(seen[short[b]] != this)
-            seen[short[b]] = this
+        for b in range(m):  # without branches
+            mark = marked[index[b]]
+            count += np.int64(mark < this)
+            marked[index[b]] = max(mark, this)
         counts[k] = count
 
 
@@ -138,30 +166,35 @@ def project(
 
 
 @njit(cache=True, nogil=True)
-def end_cells(pose: Floats, points: Floats, sensor: Floats, cell: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Cells (m + 1, 2) of the lidar and of the end points seen from ``pose``, and their least and greatest indices.
+def end_cells(
+    pose: Floats, points: Floats, sensor: Floats, cell: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
+    """Cells (m + 1, 2) of the lidar and of the end points seen from ``pose``, their extent, and the points (m, 2).
 
-    ``points`` (m, 2) and ``sensor`` (2,) are in the robot's frame. Cells are row, column from the cell at the world's
-    origin, so that they hold however the grid grows; the extent (4,) is least row, column, greatest row, column.
+    ``points`` (m, 2) and ``sensor`` (2,) are in the robot's frame; the points come back in the world's. Cells are row,
+    column from the cell at the world's origin, so that they hold however the grid grows; the extent (4,) is least row,
+    column, greatest row, column.
     """
-    out = np.empty((len(points) + 1, 2), np.int64)
+    cells, world = np.empty((len(points) + 1, 2), np.int64), np.empty(points.shape)
     c, s = math.cos(pose[2]), math.sin(pose[2])
     extent = np.array([2**62, 2**62, -(2**62), -(2**62)])
-    for b in range(len(out)):
+    for b in range(len(cells)):
         px, py = (sensor[0], sensor[1]) if b == 0 else (points[b - 1, 0], points[b - 1, 1])
-        out[b, 0] = math.floor(-(pose[1] + s * px + c * py) / cell)
-        out[b, 1] = math.floor((pose[0] + c * px - s * py) / cell)
+        x, y = pose[0] + c * px - s * py, pose[1] + s * px + c * py
+        if b > 0:
+            world[b - 1, 0], world[b - 1, 1] = x, y
+        cells[b, 0], cells[b, 1] = math.floor(-y / cell), math.floor(x / cell)
         for axis in range(2):
-            extent[axis] = min(extent[axis], out[b, axis])
-            extent[axis + 2] = max(extent[axis + 2], out[b, axis])
-    return out, extent
+            extent[axis] = min(extent[axis], cells[b, axis])
+            extent[axis + 2] = max(extent[axis + 2], cells[b, axis])
+    return cells, extent, world
 
 
 @njit(cache=True, nogil=True)
 def write_scan(
     log_odds: NDArray[np.float32],
     occupied: NDArray[np.uint8],
-    touched: NDArray[np.int32],
+    touched: NDArray[np.uint8],
     mark: int,
     cells: NDArray[np.int64],
     origin_row: int,
@@ -180,7 +213,7 @@ def write_scan(
     """
     columns = log_odds.shape[1]
     values, above, seen = log_odds.ravel(), occupied.ravel(), touched.ravel()
-    this = np.int32(mark)
+    this = np.uint8(mark)
     for b in range(1, len(cells)):
         i = np.uint64((cells[b, 0] + origin_row) * columns + cells[b, 1] + origin_column)
         if seen[i] != this:
@@ -198,7 +231,7 @@ def write_scan(
             long, short, along, across = abs(down), abs(right), by_row, by_column
         else:
             long, short, along, across = abs(right), abs(down), by_column, by_row
-        # Bresenham's line in flat indices and without branches: a step across when the error passes half a cell.
+        # Bresenham's line in flat indices: a step across when the error passes half a cell.
         index, error, count = start, 0, np.uint64(0)
         for _ in range(long):
             i = np.uint64(index)
@@ -206,13 +239,48 @@ def write_scan(
             count += np.uint64(seen[i] != this)
             seen[i] = this
             error += 2 * short
-            over = np.int64(error > long)
-            error -= over * 2 * long
-            index += along + over * across
+            index += along
+            if error > long:  # compiled to a conditional move
+                error -= 2 * long
+                index += across
         for k in range(count):
             i = fresh[k]
             values[i] = max(values[i] - miss, -bound)
             above[i] = values[i] > threshold
+
+
+@njit(cache=True, nogil=True)
+def add_scan(
+    pose: Floats,
+    points: Floats,
+    sensor: Floats,
+    log_odds: NDArray[np.float32],
+    occupied: NDArray[np.uint8],
+    touched: NDArray[np.uint8],
+    mark: int,
+    origin_row: int,
+    origin_column: int,
+    cell: float,
+    hit: np.float32,
+    miss: np.float32,
+    bound: np.float32,
+    threshold: np.float32,
+) -> tuple[bool, NDArray[np.int64], Floats]:
+    """:func:`end_cells`, and :func:`write_scan` if they all lie within the grid's outermost ring.
+
+    Returns whether they do, their extent (4,) from the cell at the world's origin and the points (m, 2) in the world.
+    """
+    cells, extent, world = end_cells(pose, points, sensor, cell)
+    rows, columns = log_odds.shape
+    inside = (
+        extent[0] + origin_row >= 1
+        and extent[1] + origin_column >= 1
+        and extent[2] + origin_row <= rows - 2
+        and extent[3] + origin_column <= columns - 2
+    )
+    if inside:
+        write_scan(log_odds, occupied, touched, mark, cells, origin_row, origin_column, hit, miss, bound, threshold)
+    return inside, extent, world
 
 
 @njit(cache=True, nogil=True)
@@ -232,15 +300,15 @@ def read_scan(
 
 def warm_up() -> None:
     """Compile every kernel, or load it from the cache of an earlier run."""
-    grid, scratch = np.zeros((4, 4), np.float32), np.zeros((4, 4), np.int32)
+    grid, scratch = np.zeros((4, 4), np.float32), np.zeros((4, 4), np.uint8)
     occupied, points = np.zeros((4, 4), np.uint8), np.zeros((1, 2))
     pose = np.zeros((1, 3))
     move(pose, np.zeros(3), pose)
     compose(pose[0], pose[0])
     moments(pose, np.ones(1))
-    correlate(pose, points, occupied, 2, 2, 1.0, scratch, 1, np.zeros(1, np.int64))
+    pick(np.ones(1), np.zeros(1))
+    correlate(pose, points, occupied, 2, 2, 1.0, occupied.copy(), np.zeros(1, np.int64))
     project(np.zeros(3), points, occupied, 2, 2, 1.0)
-    cells, _ = end_cells(np.zeros(3), points, np.zeros(2), 1.0)
     one = np.float32(1.0)
-    write_scan(grid, occupied, scratch, 1, cells, 2, 2, one, one, one, one)
+    add_scan(np.zeros(3), points, np.zeros(2), grid, occupied, scratch, 1, 2, 2, 1.0, one, one, one, one)
     read_scan(np.ones(1, np.float32), points, np.zeros(2), 0.0, 2.0)

@@ -9,8 +9,9 @@ from pfslam_viz.slam.worker import Worker
 Array = NDArray[np.float64]
 
 MARGIN = 64  # cells grown beyond what is asked for, so that growing stays rare
-MARKS = np.iinfo(np.int32).max
-CHUNK = 100  # poses that a thread correlates at a time
+MARKS = np.iinfo(np.uint8).max
+WORTH_SPLITTING = 100  # poses: as many as are correlated in the time that waking a thread takes
+SHARE = 0.55  # of the poses for this thread, as the other one has to wake up first
 EXACT = 2.0**-16  # float32 adds multiples of it without rounding, so that hits and misses cancel to 0, not to 1e-9
 
 
@@ -34,8 +35,8 @@ class OccupancyGrid:
         self.origin = (MARGIN, MARGIN)
         self.log_odds = np.zeros((2 * MARGIN, 2 * MARGIN), np.float32)
         self.occupied = np.zeros(self.log_odds.shape, np.uint8)
-        self._scratch: Scratch = Scratch(self.shape)
-        self._spare: Scratch | None = None
+        self._scratch = Scratch(self.shape)
+        self._thread_marks = [np.empty((0, 0), np.uint8), np.empty((0, 0), np.uint8)]
         numbers = (config.log_odds_hit, config.log_odds_miss, config.log_odds_bound, config.threshold)
         self._numbers = [np.float32(round(number / EXACT) * EXACT) for number in numbers]
 
@@ -73,26 +74,27 @@ class OccupancyGrid:
     def correlation(self, poses: Array, points: Array, worker: Worker | None = None) -> NDArray[np.int64]:
         """(26) for poses (N, 3): how many occupied cells the end points (m, 2), in the robot's frame, mark.
 
-        A ``worker`` helps as soon as it is free; the counts are the same.
+        A ``worker`` does its part of them; the counts are the same.
         """
         from pfslam_viz.slam import kernels
 
-        counts = np.zeros(len(poses), np.int64)
-        chunks = iter(range(0, len(poses), CHUNK))  # whoever is free takes the next one
+        counts = np.empty(len(poses), np.int64)
 
-        def count(scratch: "Scratch") -> None:
-            for k in chunks:
-                part = poses[k : k + CHUNK]
-                first = scratch.take(len(part))
-                kernels.correlate(
-                    part, points, self.occupied, *self.origin, self.cell, scratch.marks, first, counts[k : k + CHUNK]
-                )
+        def count(part: slice) -> None:
+            marks = self._marks(0 if part.start == 0 else 1)
+            kernels.correlate(poses[part], points, self.occupied, *self.origin, self.cell, marks, counts[part])
 
-        helper = worker.submit(count, self._more_scratch()) if worker and len(poses) > CHUNK else None
-        count(self._scratch)
-        if helper is not None and not helper.cancel():
-            helper.result()
+        if worker is None:
+            count(slice(0, len(poses)))
+        else:
+            worker.split(count, len(poses), worth=WORTH_SPLITTING, share=SHARE)
         return counts
+
+    def _marks(self, thread: int) -> NDArray[np.uint8]:
+        """A scratch grid for each thread that correlates."""
+        if self._thread_marks[thread].shape != self.shape:
+            self._thread_marks[thread] = np.empty(self.shape, np.uint8)
+        return self._thread_marks[thread]
 
     def project(self, pose: Array, points: Array) -> tuple[Array, NDArray[np.bool_]]:
         """End points (m, 2) in the world from ``pose`` (3,), and whether each falls on an occupied cell."""
@@ -100,21 +102,29 @@ class OccupancyGrid:
 
         return kernels.project(pose, points, self.occupied, *self.origin, self.cell)
 
-    def add(self, pose: Array, points: Array, sensor: Array) -> None:
-        """Write a scan seen from ``pose`` (3,), (28): ``points`` (m, 2) and ``sensor`` (2,) in the robot's frame."""
+    def add(self, pose: Array, points: Array, sensor: Array) -> Array:
+        """Write a scan seen from ``pose`` (3,), (28): ``points`` (m, 2) and ``sensor`` (2,) in the robot's frame.
+
+        Returns the points in the world, (m, 2).
+        """
         from pfslam_viz.slam import kernels
 
-        cells, extent = kernels.end_cells(pose, points, sensor, self.cell)
-        self._grow_to(*extent.tolist())
-        kernels.write_scan(
-            self.log_odds,
-            self.occupied,
-            self._scratch.marks,
-            self._scratch.take(1),
-            cells,
-            *self.origin,
-            *self._numbers,
-        )
+        while True:
+            inside, extent, world = kernels.add_scan(
+                pose,
+                points,
+                sensor,
+                self.log_odds,
+                self.occupied,
+                self._scratch.marks,
+                self._scratch.take(1),
+                *self.origin,
+                self.cell,
+                *self._numbers,
+            )
+            if inside:
+                return world
+            self._grow_to(*extent.tolist())
 
     def _grow_to(self, top: int, left: int, bottom: int, right: int) -> None:
         """Grow until these rows and columns, counted from the origin's cell, are inside.
@@ -132,20 +142,14 @@ class OccupancyGrid:
                 layer = getattr(self, name)
                 setattr(self, name, np.pad(layer, (*pad, (0, 0))[: layer.ndim]))
             self.origin = (row + above, column + before)
-            self._scratch, self._spare = Scratch(self.shape), None
-
-    def _more_scratch(self) -> "Scratch":
-        """A second scratch grid, for a second thread."""
-        if self._spare is None:
-            self._spare = Scratch(self.shape)
-        return self._spare
+            self._scratch = Scratch(self.shape)
 
 
 class Scratch:
     """A grid that remembers who came to a cell last, so that a cell counts once. Each taker gets marks of its own."""
 
     def __init__(self, shape: tuple[int, int]) -> None:
-        self.marks = np.zeros(shape, np.int32)
+        self.marks = np.zeros(shape, np.uint8)
         self._last = 0
 
     def take(self, count: int) -> int:

@@ -17,8 +17,8 @@ from pfslam_viz.slam.proposal import propose, spread_points
 from pfslam_viz.slam.protocol import LoopClosure, Match, Scan
 from pfslam_viz.slam.scan_matching import ScanStore, open_direction
 from pfslam_viz.slam.smoothing import Smoother
-from pfslam_viz.slam.threads import in_halves
 from pfslam_viz.slam.tile_maps import TileMaps, TileSettings
+from pfslam_viz.slam.worker import Worker
 
 Array = NDArray[np.float64]
 
@@ -49,15 +49,17 @@ class RaoBlackwellizedFilter(Belief):
     the motion that matching each scan with the last key scan finds; where that says nothing, the odometry does.
     """
 
-    def __init__(self, config: Config) -> None:
+    def __init__(self, config: Config, worker: Worker | None = None) -> None:
+        """A ``worker`` does its part of the matching; the results are the same."""
         super().__init__(config.particles, config.seed)
         self.config = config
+        self._worker = worker or Worker(threads=1)
         self._settings = config.rao_blackwellized
         n = config.particles
         self._log_weights = np.zeros(n)
         self._maps = TileMaps(n, TileSettings.of(config))
         self._history = History(n)
-        self._scans = ScanStore(np.zeros(2))
+        self._scans = ScanStore(np.zeros(2), self._worker)
         self._key_particles = self._particles
         self._smoothed: Array | None = None
         self._closures: tuple[LoopClosure, ...] = ()
@@ -114,7 +116,7 @@ class RaoBlackwellizedFilter(Belief):
         seen = scan.points - scan.origin
         near = seen[:, 0] ** 2 + seen[:, 1] ** 2 <= self._settings.max_range**2
         if len(self._scans) == 0:
-            self._scans = ScanStore(scan.origin)
+            self._scans = ScanStore(scan.origin, self._worker)
         self._scans.add(scan.points[near])
 
     def _match_last(self) -> "Motion":
@@ -174,7 +176,7 @@ class RaoBlackwellizedFilter(Belief):
                 spread,
             )
 
-        found = in_halves(part, n, worth=4)
+        found = self._worker.split(part, n, worth=4)
         means, evidence = (np.concatenate(values) for values in zip(*found, strict=True))
         means[:, 2] = geometry.wrap(means[:, 2])
         self._particles = means

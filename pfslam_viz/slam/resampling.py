@@ -61,8 +61,7 @@ SCHEMES: dict[str, Callable[[Array, Generator], Indices]] = {
 
 
 def _pick(weights: Array, positions: Array) -> Indices:
-    """The particles (k,) into whose share of [0, 1) the positions (k,) fall; never one without weight."""
-    cumulative = np.cumsum(weights)
-    last = np.flatnonzero(weights)[-1]  # rounding must not carry a position beyond it
-    drawn = np.searchsorted(cumulative, positions * cumulative[-1], side="right")
-    return np.minimum(drawn, last).astype(np.intp)
+    """The particles (k,) into whose share of [0, 1) the ascending positions (k,) fall; never one without weight."""
+    from pfslam_viz.slam import kernels
+
+    return kernels.pick(weights, positions)

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pfslam_viz.slam.threads import in_halves
+from pfslam_viz.slam.worker import Worker
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float64]
@@ -34,8 +34,10 @@ class ScanStore:
         first: scan k owns rows ``first[k]`` to ``first[k + 1]``.
     """
 
-    def __init__(self, sensor: Array) -> None:
+    def __init__(self, sensor: Array, worker: Worker | None = None) -> None:
+        """An empty store; a ``worker`` does its part of the matching."""
         self.sensor = sensor
+        self._worker = worker or Worker(threads=1)
         self._rows = np.zeros((1024, 5), np.float32)
         self._first = np.zeros(64, np.int64)
         self._count = 0
@@ -122,7 +124,7 @@ class ScanStore:
                 prior,
             )
 
-        found = in_halves(part, len(references), worth=100)
+        found = self._worker.split(part, len(references), worth=100)
         return Matches(*(np.concatenate(values) for values in zip(*found, strict=True)))
 
 

@@ -1,9 +1,14 @@
-"""A second thread beside the filter's: kernels release the interpreter's lock, so that two cores can work."""
+"""A second thread beside the filter's: kernels release the interpreter's lock, so that two cores can work.
+
+Every element's result depends on that element alone, so the results do not depend on the threads.
+"""
 
 import os
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Any
+from typing import Any, Generic, TypeVar
+
+T = TypeVar("T")
 
 
 def cores() -> int:
@@ -12,19 +17,59 @@ def cores() -> int:
 
 
 class Worker:
-    """One thread that does what it is given, in order. It starts with the first task and ends with :meth:`close`."""
+    """One thread that helps the caller's. It starts with the first task and ends with :meth:`close`."""
 
-    def __init__(self) -> None:
+    def __init__(self, threads: int = 2) -> None:
+        """With fewer than 2 ``threads`` there is no other one: everything is done on the caller's."""
+        self._alone = threads < 2
         self._pool: ThreadPoolExecutor | None = None
+        self._deferred: list[Deferred[Any]] = []
 
-    def submit(self, task: Callable[..., Any], *arguments: Any) -> "Future[Any]":
-        """Queue a task; a closed worker starts again."""
+    def split(self, work: Callable[[slice], T], count: int, *, worth: int, share: float = 0.5) -> list[T]:
+        """``work`` on ``count`` elements: the first ``share`` of them here and the rest on the other thread, in order.
+
+        Fewer than ``worth`` elements are done at once, here. Waking the other thread takes about 0.1 ms.
+        """
+        if self._alone or count < worth:
+            return [work(slice(0, count))]
+        here = round(share * count)
+        other = self._submit(work, slice(here, count))
+        for task in self._deferred:
+            task.future = self._submit(task.run)
+        self._deferred = []
+        return [work(slice(0, here)), other.result()]
+
+    def defer(self, run: Callable[[], T]) -> "Deferred[T]":
+        """Have ``run`` done behind the next :meth:`split`'s part on the other thread, which is awake then.
+
+        It is done here when its result is asked for before.
+        """
+        task = Deferred(run)
+        self._deferred.append(task)
+        return task
+
+    def result(self, task: "Deferred[T]") -> T:
+        """What the deferred task returns."""
+        if task.future is not None and not task.future.cancel():
+            return task.future.result()
+        self._deferred = [other for other in self._deferred if other is not task]
+        return task.run()
+
+    def _submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
         if self._pool is None:
             self._pool = ThreadPoolExecutor(1, "pfslam")
         return self._pool.submit(task, *arguments)
 
     def close(self) -> None:
-        """Finish what is queued and end the thread."""
+        """Finish what is queued and end the thread; a closed worker starts again when it is needed."""
         if self._pool is not None:
             self._pool.shutdown()
             self._pool = None
+
+
+class Deferred(Generic[T]):
+    """A task for the time that the other thread has left."""
+
+    def __init__(self, run: Callable[[], T]) -> None:
+        self.run = run
+        self.future: Future[T] | None = None

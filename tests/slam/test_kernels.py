@@ -90,28 +90,57 @@ def write_twin(log_odds: Array, start: Cell, ends: list[Cell], hit: float, miss:
 
 
 @pytest.mark.parametrize("kind", ["inside", "outside", "axes", "empty"])
-def test_correlate(kind: str) -> None:
+@pytest.mark.parametrize("count", [40, 254, 600])  # marks are used up after 254 poses
+def test_correlate(kind: str, count: int) -> None:
     rng = np.random.default_rng(3)
-    occupied, points, poses = random_map(rng), scan(rng, kind), random_poses(rng, 40)
+    occupied, points, poses = random_map(rng), scan(rng, kind), random_poses(rng, count)
     if kind == "axes":
         poses[:20, 2] = 0.0
         poses[:5, :2] = 0.013, 0.017  # well inside a cell, so that no rounding decides
     points = points[[clear_of_edges(poses, point) for point in points]] if len(points) else points
-    assert kind == "empty" or len(points) >= 5
-    visited, twin = np.zeros(SHAPE, np.int32), correlation_twin(poses, points, occupied)
-    for mark in (1, 41):  # the second time, the scratch grid is as the first has left it
-        counts = np.full(40, -1)
-        kernels.correlate(poses, points, occupied, *ORIGIN, CELL, visited, mark, counts)
+    assert kind == "empty" or len(points) >= 3
+    twin, marks = correlation_twin(poses, points, occupied), rng.integers(0, 256, SHAPE).astype(np.uint8)
+    for _ in range(2):  # whatever the scratch grid holds
+        counts = np.full(count, -1)
+        kernels.correlate(poses, points, occupied, *ORIGIN, CELL, marks, counts)
         assert counts.tolist() == twin
+
+
+@pytest.mark.parametrize("y", [-30.0, -1.6, -1.2, 0.0, 1.9, 2.2, 40.0])
+def test_correlate_from_any_height_in_the_grid_and_beyond(y: float) -> None:
+    """Only the rows within the scan's reach are prepared: here 3 of the grid's 40 and some to spare, or none."""
+    rng = np.random.default_rng(11)
+    occupied, marks = random_map(rng, share=0.8), np.full(SHAPE, 7, np.uint8)
+    poses = np.column_stack([np.full(20, 0.043), rng.uniform(y - 0.05, y + 0.05, 20), rng.uniform(-3, 3, 20)])
+    points = rng.uniform(-0.1, 0.1, (30, 2))
+    points = points[[clear_of_edges(poses, point) for point in points]]
+    counts = np.full(20, -1)
+    kernels.correlate(poses, points, occupied, *ORIGIN, CELL, marks, counts)
+    assert counts.tolist() == correlation_twin(poses, points, occupied)
+    assert max(counts) > 0 or not -1.7 < y < 2.3
+
+
+def test_correlate_does_not_depend_on_which_other_poses_there_are() -> None:
+    """Bit for bit, on the very edges of cells too: threads may share the poses as they like."""
+    rng = np.random.default_rng(12)
+    occupied, marks = random_map(rng), np.zeros(SHAPE, np.uint8)
+    points, poses = np.round(scan(rng, "inside"), 1), random_poses(rng, 300)
+    poses[:, :2], poses[:, 2] = np.round(poses[:, :2], 1), rng.integers(-2, 2, 300) * (math.pi / 2)
+    together, apart = np.full(300, -1), np.full(300, -1)
+    kernels.correlate(poses, points, occupied, *ORIGIN, CELL, marks, together)
+    for k in range(0, 300, 7):
+        kernels.correlate(poses[k : k + 7], points, occupied, *ORIGIN, CELL, marks, apart[k : k + 7])
+    assert together.max() > 0
+    np.testing.assert_array_equal(apart, together)
 
 
 def test_correlate_counts_a_cell_once_wherever_its_beams_are_in_the_scan() -> None:
     occupied = np.zeros(SHAPE, np.uint8)
     occupied[20, 20] = occupied[20, 21] = 1
     a, b = [0.35, 0.25], [0.45, 0.25]  # columns 20 and 21 of row 20
-    points = np.array([a, a, b, a, [0.31, 0.29], [5.0, 5.0]])
+    points = np.array([a, a, b, a, [0.31, 0.29], *(60 * [[5.0, 5.0]]), a, b])
     counts = np.full(1, -1)
-    kernels.correlate(np.zeros((1, 3)), points, occupied, *ORIGIN, CELL, np.zeros(SHAPE, np.int32), 1, counts)
+    kernels.correlate(np.zeros((1, 3)), points, occupied, *ORIGIN, CELL, np.zeros(SHAPE, np.uint8), counts)
     assert counts.tolist() == [2]
 
 
@@ -129,7 +158,8 @@ def test_project(kind: str) -> None:
 @pytest.mark.parametrize("kind", ["inside", "outside", "axes", "empty"])
 def test_end_cells(kind: str) -> None:
     points, pose, sensor = scan(np.random.default_rng(8), kind), np.array([0.213, -0.117, 0.4]), np.array([0.3, 0.02])
-    cells, extent = kernels.end_cells(pose, points, sensor, CELL)
+    cells, extent, world = kernels.end_cells(pose, points, sensor, CELL)
+    np.testing.assert_allclose(world, geometry.transform(pose, points), atol=1e-12)
     twin = cells_of(geometry.transform(pose, np.vstack([sensor, points]))) - ORIGIN
     np.testing.assert_array_equal(cells, twin)
     assert extent.tolist() == [*twin.min(axis=0), *twin.max(axis=0)]
@@ -150,7 +180,7 @@ def test_write_scan(kind: str) -> None:
     bound = 2.5 if kind == "saturated" else 100.0
     log_odds = rng.uniform(-2, 2, SHAPE).astype(np.float32)
     before = log_odds.copy()
-    occupied, touched = (log_odds > 0.5).astype(np.uint8), np.zeros(SHAPE, np.int32)
+    occupied, touched = (log_odds > 0.5).astype(np.uint8), np.zeros(SHAPE, np.uint8)
     cells = np.array([start, *ends], np.int64) - ORIGIN
     numbers = [np.float32(v) for v in (1.4, 0.9, bound, 0.5)]
     kernels.write_scan(log_odds, occupied, touched, 7, cells, *ORIGIN, *numbers)
@@ -158,6 +188,24 @@ def test_write_scan(kind: str) -> None:
     np.testing.assert_allclose(log_odds, twin, atol=1e-6)
     np.testing.assert_array_equal(occupied, log_odds > np.float32(0.5))
     assert (log_odds != before).any() == (kind != "empty")
+
+
+@pytest.mark.parametrize("reach", [1.4, 30.0])
+def test_add_scan_writes_all_or_nothing(reach: float) -> None:
+    rng = np.random.default_rng(13)
+    pose, sensor = np.array([0.213, -0.117, 0.4]), np.array([0.3, 0.02])
+    points = reach * rng.uniform(-1, 1, (50, 2)) / math.sqrt(2)
+    log_odds, occupied, touched = np.zeros(SHAPE, np.float32), np.zeros(SHAPE, np.uint8), np.zeros(SHAPE, np.uint8)
+    numbers = [np.float32(v) for v in (1.4, 0.9, 100.0, 0.0)]
+    inside, extent, world = kernels.add_scan(
+        pose, points, sensor, log_odds, occupied, touched, 3, *ORIGIN, CELL, *numbers
+    )
+    start, *ends = [tuple(c) for c in cells_of(geometry.transform(pose, np.vstack([sensor, points]))).tolist()]
+    assert inside == (reach < 2)
+    np.testing.assert_allclose(world, geometry.transform(pose, points), atol=1e-12)
+    assert extent.tolist()[:2] == (np.min([start, *ends], axis=0) - ORIGIN).tolist()
+    twin = write_twin(np.zeros(SHAPE), start, ends, 1.4, 0.9, 100.0) if inside else np.zeros(SHAPE)
+    np.testing.assert_allclose(log_odds, twin, atol=1e-6)
 
 
 @pytest.mark.parametrize("beams", [0, 1, 200])
@@ -202,8 +250,21 @@ def test_moments() -> None:
     assert n_eff == pytest.approx(1 / np.sum(weights**2))
 
 
+def test_pick() -> None:
+    """Sorted positions against searchsorted; never a particle without weight, however the sums round."""
+    rng = np.random.default_rng(14)
+    for n in (1, 2, 50, 500):
+        weights = rng.random(n) * (rng.random(n) < 0.6)
+        weights[rng.integers(n)] = 0.5
+        positions = np.sort(rng.random(200))
+        drawn = kernels.pick(weights, positions)
+        np.testing.assert_array_equal(drawn, np.searchsorted(np.cumsum(weights), positions * weights.sum(), "right"))
+    ends = np.array([0.0, np.nextafter(1.0, 0.0), 1.0, 2.0])
+    assert kernels.pick(np.array([0.0, 0.0, 0.1, 0.0, 0.2, 0.0]), ends).tolist() == [2, 4, 4, 4]
+
+
 def test_warm_up_compiles_every_kernel() -> None:
     kernels.warm_up()
     public = {name: k for name, k in vars(kernels).items() if hasattr(k, "signatures") and not name.startswith("_")}
-    assert {"move", "moments", "correlate", "project", "end_cells", "write_scan", "read_scan"} <= set(public)
+    assert {"move", "moments", "pick", "correlate", "project", "add_scan", "read_scan"} <= set(public)
     assert [name for name, kernel in public.items() if not kernel.signatures] == []

@@ -1,39 +1,102 @@
-"""The second thread: it works in order, hands on failures, and can be closed and used again."""
+"""The second thread: it does its part in order, hands on failures, and can be closed and used again."""
 
 import threading
 
+import numpy as np
 import pytest
 
 from pfslam_viz.slam.worker import Worker, cores
 
 
-def test_tasks_run_in_order_on_one_other_thread() -> None:
-    worker, done = Worker(), []
-    for k in range(5):
-        worker.submit(lambda k: done.append((k, threading.current_thread().name)), k)
+@pytest.fixture(params=[1, 2])
+def worker(request: pytest.FixtureRequest):  # type: ignore[no-untyped-def]
+    worker = Worker(request.param)
+    yield worker
     worker.close()
-    assert [k for k, _ in done] == [0, 1, 2, 3, 4]
-    assert len({name for _, name in done}) == 1
-    assert done[0][1] != threading.current_thread().name
 
 
-def test_a_failure_comes_out_at_the_result() -> None:
+def here() -> str:
+    return threading.current_thread().name
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 7, 8, 100])
+@pytest.mark.parametrize("worth", [0, 4, 1000])
+@pytest.mark.parametrize("share", [0.5, 0.9])
+def test_every_element_is_worked_on_once_and_in_order(worker: Worker, count: int, worth: int, share: float) -> None:
+    values = np.arange(count) ** 2
+    parts = worker.split(lambda part: values[part].copy(), count, worth=worth, share=share)
+    np.testing.assert_array_equal(np.concatenate(parts), values)
+
+
+def test_the_parts_are_worked_on_at_the_same_time() -> None:
+    """Each part waits for the other one: one thread alone would wait for ever."""
+    worker, together = Worker(), threading.Barrier(2, timeout=20)
+    names = worker.split(lambda part: (together.wait(), here(), part)[1:], 10, worth=2, share=0.7)
+    worker.close()
+    assert [part for _, part in names] == [slice(0, 7), slice(7, 10)]
+    assert names[0][0] == here() != names[1][0]
+
+
+def test_too_few_stay_on_this_thread_and_so_does_everything_with_one() -> None:
+    before = threading.active_count()
+    assert Worker().split(lambda part: here(), 3, worth=4) == [here()]
+    assert Worker(1).split(lambda part: here(), 300, worth=4) == [here()]
+    assert threading.active_count() == before  # nothing runs until there is something to do
+
+
+@pytest.mark.parametrize("failing", [0, 5])
+def test_an_error_in_either_part_comes_out(failing: int) -> None:
+    def work(part: slice) -> int:
+        if part.start == failing:
+            raise ValueError("no")
+        return 1
+
     worker = Worker()
-    with pytest.raises(ZeroDivisionError):
-        worker.submit(lambda: 1 / 0).result()
+    with pytest.raises(ValueError, match="no"):
+        worker.split(work, 10, worth=2)
+    assert worker.split(lambda part: 1, 10, worth=2) == [1, 1]  # and the other thread still works
     worker.close()
+
+
+def test_a_deferred_task_follows_the_next_split() -> None:
+    worker, order = Worker(), []
+    task = worker.defer(lambda: (order.append("deferred"), here())[1])
+    worker.split(lambda part: order.append("split"), 1, worth=2)  # too few for the other thread
+    assert order == ["split"]
+    release = threading.Event()
+    worker.split(lambda part: (part.start == 0 or release.wait(20), release.set(), order.append("split")), 10, worth=2)
+    worker.split(lambda part: None, 10, worth=2)  # the other thread works in order: the task is done by now
+    assert order == ["split", "split", "split", "deferred"]
+    assert worker.result(task) != here()
+    assert order.count("deferred") == 1
+    worker.close()
+
+
+def test_a_deferred_task_is_done_here_when_its_result_is_asked_for_before(worker: Worker) -> None:
+    calls: list[str] = []
+    first, second = worker.defer(lambda: calls.append("first")), worker.defer(lambda: (calls.append(here()), 7)[1])
+    assert worker.result(second) == 7
+    assert calls == [here()]
+    worker.split(lambda part: None, 10, worth=2)
+    worker.result(first)
+    assert calls == [here(), "first"]  # each once
+
+
+def test_a_deferred_task_hands_on_its_failure(worker: Worker) -> None:
+    task = worker.defer(lambda: 1 / 0)
+    worker.split(lambda part: None, 10, worth=2)
+    with pytest.raises(ZeroDivisionError):
+        worker.result(task)
 
 
 def test_close_ends_the_thread_and_may_be_repeated() -> None:
     before, worker = threading.active_count(), Worker()
-    assert threading.active_count() == before  # nothing runs until there is something to do
-    worker.submit(int).result()
-    assert threading.active_count() == before + 1
-    worker.close()
-    worker.close()
-    assert threading.active_count() == before
-    assert worker.submit(lambda: 7).result() == 7
-    worker.close()
+    for _ in range(2):
+        worker.split(lambda part: None, 10, worth=2)
+        assert threading.active_count() == before + 1
+        worker.close()
+        worker.close()
+        assert threading.active_count() == before
 
 
 def test_cores() -> None:
