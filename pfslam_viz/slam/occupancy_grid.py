@@ -10,8 +10,6 @@ Array = NDArray[np.float64]
 
 MARGIN = 64  # cells grown beyond what is asked for, so that growing stays rare
 MARKS = np.iinfo(np.uint8).max
-WORTH_SPLITTING = 100  # poses: as many as are correlated in the time that waking a thread takes
-SHARE = 0.55  # of the poses for this thread, as the other one has to wake up first
 EXACT = 2.0**-16  # float32 adds multiples of it without rounding, so that hits and misses cancel to 0, not to 1e-9
 
 
@@ -36,7 +34,7 @@ class OccupancyGrid:
         self.log_odds = np.zeros((2 * MARGIN, 2 * MARGIN), np.float32)
         self.occupied = np.zeros(self.log_odds.shape, np.uint8)
         self._scratch = Scratch(self.shape)
-        self._thread_marks = [np.empty((0, 0), np.uint8), np.empty((0, 0), np.uint8)]
+        self._marks: list[NDArray[np.uint8]] = []  # scratch grids, one for each thread that correlates
         numbers = (config.log_odds_hit, config.log_odds_miss, config.log_odds_bound, config.threshold)
         self._numbers = [np.float32(round(number / EXACT) * EXACT) for number in numbers]
 
@@ -81,20 +79,17 @@ class OccupancyGrid:
         counts = np.empty(len(poses), np.int64)
 
         def count(part: slice) -> None:
-            marks = self._marks(0 if part.start == 0 else 1)
+            marks = self._marks.pop() if self._marks else np.empty(self.shape, np.uint8)
             kernels.correlate(poses[part], points, self.occupied, *self.origin, self.cell, marks, counts[part])
+            self._marks.append(marks)
 
+        if self._marks and self._marks[0].shape != self.shape:
+            self._marks.clear()
         if worker is None:
             count(slice(0, len(poses)))
         else:
-            worker.split(count, len(poses), worth=WORTH_SPLITTING, share=SHARE)
+            worker.split(count, len(poses), worth=100, pieces=4)
         return counts
-
-    def _marks(self, thread: int) -> NDArray[np.uint8]:
-        """A scratch grid for each thread that correlates."""
-        if self._thread_marks[thread].shape != self.shape:
-            self._thread_marks[thread] = np.empty(self.shape, np.uint8)
-        return self._thread_marks[thread]
 
     def project(self, pose: Array, points: Array) -> tuple[Array, NDArray[np.bool_]]:
         """End points (m, 2) in the world from ``pose`` (3,), and whether each falls on an occupied cell."""

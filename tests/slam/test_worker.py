@@ -1,6 +1,7 @@
 """The second thread: it does its part in order, hands on failures, and can be closed and used again."""
 
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -21,20 +22,39 @@ def here() -> str:
 
 @pytest.mark.parametrize("count", [0, 1, 2, 3, 7, 8, 100])
 @pytest.mark.parametrize("worth", [0, 4, 1000])
-@pytest.mark.parametrize("share", [0.5, 0.9])
-def test_every_element_is_worked_on_once_and_in_order(worker: Worker, count: int, worth: int, share: float) -> None:
+@pytest.mark.parametrize("pieces", [2, 5])
+def test_every_element_is_worked_on_once_and_in_order(worker: Worker, count: int, worth: int, pieces: int) -> None:
     values = np.arange(count) ** 2
-    parts = worker.split(lambda part: values[part].copy(), count, worth=worth, share=share)
+    parts = worker.split(lambda part: values[part].copy(), count, worth=worth, pieces=pieces)
     np.testing.assert_array_equal(np.concatenate(parts), values)
 
 
 def test_the_parts_are_worked_on_at_the_same_time() -> None:
     """Each part waits for the other one: one thread alone would wait for ever."""
     worker, together = Worker(), threading.Barrier(2, timeout=20)
-    names = worker.split(lambda part: (together.wait(), here(), part)[1:], 10, worth=2, share=0.7)
+    names = worker.split(lambda part: (together.wait(), here(), part)[1:], 10, worth=2)
     worker.close()
-    assert [part for _, part in names] == [slice(0, 7), slice(7, 10)]
+    assert [part for _, part in names] == [slice(0, 5), slice(5, 10)]
     assert names[0][0] == here() != names[1][0]
+
+
+def test_who_is_free_takes_the_next_piece() -> None:
+    """While this thread is stuck in the first piece, the other one does all the others."""
+    worker, begun, done = Worker(), threading.Barrier(2, timeout=20), []
+
+    def work(part: slice) -> str:
+        if part.start in (0, 8):
+            begun.wait()
+        if part.start > 0:
+            done.append(part.start)
+        while part.start == 0 and len(done) < 4:
+            time.sleep(0.001)
+        return here()
+
+    names = worker.split(work, 10, worth=2, pieces=5)
+    worker.close()
+    assert names[0] == here() and here() not in names[1:]
+    assert done == [8, 6, 4, 2]
 
 
 def test_too_few_stay_on_this_thread_and_so_does_everything_with_one() -> None:

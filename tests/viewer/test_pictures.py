@@ -17,7 +17,9 @@ def unpacked(archetype):
 
 def test_occupancy_is_counted_as_ros_does():
     log_odds = np.array([[0.0, np.log(4), -np.log(4), 50.0, -50.0]], np.float32)
-    values = pictures.occupancy(log_odds)[0]
+    values, rows, columns = pictures.occupancy(log_odds)
+    values = values[0]
+    assert (rows, columns) == (slice(0, 1), slice(1, 5))
     assert values[0] == 255
     assert values[1:3] == pytest.approx([80, 20], abs=1)  # 4 to 1, and 1 to 4
     assert list(values[3:]) == [100, 0]
