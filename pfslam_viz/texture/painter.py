@@ -1,6 +1,5 @@
 """Feeds the floor texture: pairs colour and disparity frames, finds the pose at which they were taken, reads them."""
 
-import zlib
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -10,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.config import TextureConfig
+from pfslam_viz.recordings.images import UnusableImage, read_image
 from pfslam_viz.recordings.recording import Frames
 from pfslam_viz.texture.floor_texture import FloorTexture, check_images
 
@@ -17,7 +17,6 @@ Images = tuple[NDArray[np.uint16], NDArray[np.uint8]]
 
 FARTHEST_APART = 0.2  # s between the two frames of a pair; a robot that turns has looked elsewhere by then
 AHEAD = 4  # pairs that are read in advance
-PNG_START = b"\x89PNG\r\n\x1a\n"
 
 
 @dataclass(slots=True)
@@ -44,11 +43,6 @@ class SkippedFrames:
         """Such as ``3 missing, 1 unreadable``; empty when there are none."""
         counts = [(getattr(self, f.name), f.name.replace("_", " ")) for f in fields(self)]
         return ", ".join(f"{n} {reason}" for n, reason in counts if n)
-
-
-class _UnusableFrame(Exception):
-    def __init__(self, reason: str) -> None:
-        self.reason = reason
 
 
 class TexturePainter:
@@ -116,7 +110,7 @@ class TexturePainter:
     def _paint(self, index: int, pose: NDArray[np.float64]) -> bool:
         try:
             disparity, color = self._images(index)
-        except _UnusableFrame as unusable:
+        except UnusableImage as unusable:
             setattr(self.skipped, unusable.reason, getattr(self.skipped, unusable.reason) + 1)
             return False
         self.texture.add(disparity, color, pose)
@@ -153,46 +147,9 @@ def pair(color_stamps: ArrayLike, disparity_stamps: ArrayLike) -> NDArray[np.int
 
 def read_images(color: Path | None, disparity: Path | None, shape: tuple[int, int]) -> Images:
     """The disparity and the RGB image of a pair, checked to be what a Kinect with images of ``shape`` delivers."""
-    depth_image, color_image = _read(disparity), _read(color)
+    depth_image, color_image = read_image(disparity), read_image(color)
     try:
         check_images(depth_image, color_image, shape)
     except ValueError:
-        raise _UnusableFrame("wrong") from None
+        raise UnusableImage("wrong") from None
     return depth_image.astype(np.uint16, copy=False), np.ascontiguousarray(color_image[..., ::-1], dtype=np.uint8)
-
-
-def _read(path: Path | None) -> NDArray[np.generic]:
-    import cv2
-
-    if path is None:
-        raise _UnusableFrame("missing")
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise _UnusableFrame("missing") from None
-    except OSError:
-        raise _UnusableFrame("unreadable") from None
-    if not _is_whole_png(data):
-        raise _UnusableFrame("unreadable")
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    if image is None:
-        raise _UnusableFrame("unreadable")
-    return np.asarray(image)
-
-
-def _is_whole_png(data: bytes) -> bool:
-    """Whether every chunk is there, up to the last, with the checksum it should have.
-
-    Asked before decoding, because the decoder grumbles on the terminal and fills what is missing with black.
-    """
-    at = len(PNG_START)
-    if not data.startswith(PNG_START):
-        return False
-    while at + 12 <= len(data):
-        end = at + 12 + int.from_bytes(data[at : at + 4], "big")
-        if end > len(data) or zlib.crc32(data[at + 4 : end - 4]) != int.from_bytes(data[end - 4 : end], "big"):
-            return False
-        if data[at + 4 : at + 8] == b"IEND":
-            return True
-        at = end
-    return False

@@ -159,11 +159,20 @@ def particle_columns(block: Block, z: float) -> tuple[Any, Any]:
     return points, arrows.partition([len(s) for s in some])
 
 
-def strips(points: Sequence[Any], z: float) -> Any:
-    """Polylines, each (m, 2), as what LineStrips3D takes, without its slow conversion of one strip at a time."""
+def strips(points: Sequence[Any] | Points, z: float) -> Any:
+    """Polylines as what LineStrips3D takes, without its slow conversion of one strip at a time.
+
+    ``points`` are (m, 2) each, or (k, m, 2) for all of them.
+    """
     data_type = rr.components.LineStrip3DBatch._ARROW_DATATYPE
-    flat = lifted(np.concatenate(points), z) if len(points) else np.zeros((0, 3), np.float32)
-    offsets = np.concatenate([[0], np.cumsum([len(p) for p in points])]).astype(np.int32)
+    if isinstance(points, np.ndarray):  # of equal lengths
+        lengths = np.full(points.shape[0], points.shape[1])
+        joined = points.reshape(-1, 2)
+    else:
+        lengths = np.array([len(p) for p in points], np.intp)
+        joined = _concatenated(points, 2)
+    offsets = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
+    flat = lifted(joined, z)
     inner = pa.FixedSizeListArray.from_arrays(pa.array(flat.ravel()), type=data_type.value_type)
     return pa.ListArray.from_arrays(pa.array(offsets), inner, type=data_type)
 

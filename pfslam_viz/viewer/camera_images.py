@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pfslam_viz.recordings.recording import Frames
 from pfslam_viz.viewer import pictures
 
-AHEAD = 4  # images that are decoded before they are due
+AHEAD = 2  # images that are decoded before they are due; not many, so that the floor's painter finds them decoded
 
 
 @dataclass

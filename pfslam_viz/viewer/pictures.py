@@ -8,6 +8,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from pfslam_viz.recordings.images import UnusableImage, read_image
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.viewer import kernels
 from pfslam_viz.viewer.entities import MAP_Z, TEXTURE_Z
@@ -145,34 +146,47 @@ def color_jpeg(path: "Path", scale: int = 2) -> bytes | None:
     """A colour frame, reduced, as JPEG; None where the file cannot be read."""
     import cv2
 
-    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
-    if image is None:
+    image = _pixels(path)
+    if image is None or image.ndim != 3 or image.dtype != np.uint8:
         return None
     height, width = image.shape[:2]
-    small = cv2.resize(image, (width // scale, height // scale), interpolation=cv2.INTER_AREA)
-    return bytes(cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 80])[1])
+    return _jpeg(cv2.resize(image, (width // scale, height // scale), interpolation=cv2.INTER_AREA))
 
 
 def disparity_jpeg(path: "Path", scale: int = 2) -> bytes | None:
     """A disparity frame (uint16), near bright, pixels without depth black, reduced, as JPEG; None if unreadable."""
     import cv2
 
-    raw = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    raw = _pixels(path)
     if raw is None or raw.ndim != 2:
         return None
-    colored = _nearness_colors()[np.minimum(raw[::scale, ::scale], FARTHEST_DISPARITY)]
-    return bytes(cv2.imencode(".jpg", colored, [cv2.IMWRITE_JPEG_QUALITY, 80])[1])
+    shades, colors = _nearness()
+    return _jpeg(cv2.applyColorMap(shades[np.minimum(raw[::scale, ::scale], FARTHEST_DISPARITY)], colors))
+
+
+def _pixels(path: "Path") -> NDArray[Any] | None:
+    try:
+        return read_image(path)
+    except UnusableImage:
+        return None
+
+
+def _jpeg(image: Any) -> bytes:
+    import cv2
+
+    return bytes(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 80])[1])
 
 
 @cache
-def _nearness_colors() -> NDArray[np.uint8]:
-    """BGR (FARTHEST_DISPARITY + 1, 3) for each raw disparity: near bright, black without depth, (34)."""
+def _nearness() -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """A shade for each raw disparity up to FARTHEST_DISPARITY, near bright, 0 without depth, (34); and the shades' BGR
+    colours (256, 1, 3)."""
     import cv2
 
     raw = np.arange(FARTHEST_DISPARITY + 1)
     inverse_depth = -0.00304 * raw + 3.31  # up to a factor: what the eye reads as nearness
     valid = (raw > 0) & (inverse_depth > 0.1) & (inverse_depth < 3.3)
-    shade: NDArray[np.uint8] = np.where(valid, np.clip(inverse_depth / 2.6, 0.0, 1.0) * 215 + 40, 0).astype(np.uint8)
-    colors: NDArray[np.uint8] = np.array(cv2.applyColorMap(shade[:, None], cv2.COLORMAP_INFERNO), np.uint8)[:, 0]
-    colors[~valid] = 0
-    return colors
+    shades: NDArray[np.uint8] = np.where(valid, np.clip(inverse_depth / 2.6, 0.0, 1.0) * 215 + 40, 0).astype(np.uint8)
+    colors = np.array(cv2.applyColorMap(np.arange(256, dtype=np.uint8)[:, None], cv2.COLORMAP_INFERNO), np.uint8)
+    colors[0] = 0
+    return shades, colors
