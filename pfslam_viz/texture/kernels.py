@@ -1,5 +1,7 @@
 """The loop over the pixels of a frame."""
 
+import math
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -40,28 +42,48 @@ def collect(  # type: ignore[no-untyped-def]
     rows, columns = disparity.shape
     size = patch.shape[0]
     first_row, last_row, first_column, last_column = size, -1, size, -1
+    # Neighbours often fall into one cell: sums wait in registers until the next cell comes.
+    here_row, here_column, red, green, blue, count = -1, -1, 0, 0, 0, 0
+    # A pixel's cell is (down, right) + depth * (its ray, turned), in cells; positive within the patch.
+    turn_x, turn_y = np.float32(cos / cell), np.float32(sin / cell)
+    right = (x + cos * position[0] - sin * position[1]) / cell - left
+    down = -(y + sin * position[0] + cos * position[1]) / cell - top
     for v in range(rows):
         color_row = color_rows[v]
         if color_row < 0 or color_row >= color.shape[0]:
             continue
         for u in range(columns):
-            d = np.int32(disparity[v, u])
+            d = disparity[v, u]
             if d < low[v, u] or d > high[v, u]:
                 continue
-            color_column = int(np.floor(color_columns[u] - color_shifts[d] + np.float32(0.5)))
+            color_column = math.floor(color_columns[u] - color_shifts[d] + np.float32(0.5))
             if color_column < 0 or color_column >= color.shape[1]:
                 continue
             depth = depths[d]
             ahead, side = depth * rays[v, u, 0], depth * rays[v, u, 1]
-            robot_x, robot_y = position[0] + ahead, position[1] + side
-            row = int(np.floor(-(y + sin * robot_x + cos * robot_y) / cell)) - top
-            column = int(np.floor((x + cos * robot_x - sin * robot_y) / cell)) - left
+            row = math.floor(down - (turn_y * ahead + turn_x * side))
+            column = math.floor(right + (turn_x * ahead - turn_y * side))
             if row < 0 or column < 0 or row >= size or column >= size:
                 continue
-            patch[row, column, 0] += color[color_row, color_column, 0]
-            patch[row, column, 1] += color[color_row, color_column, 1]
-            patch[row, column, 2] += color[color_row, color_column, 2]
-            patch[row, column, 3] += np.float32(1.0)
-            first_row, last_row = min(first_row, row), max(last_row, row)
-            first_column, last_column = min(first_column, column), max(last_column, column)
+            if row != here_row or column != here_column:
+                if count > 0:
+                    _put(patch, here_row, here_column, red, green, blue, count)
+                here_row, here_column = row, column
+                red, green, blue, count = 0, 0, 0, 0
+                first_row, last_row = min(first_row, row), max(last_row, row)
+                first_column, last_column = min(first_column, column), max(last_column, column)
+            red += color[color_row, color_column, 0]
+            green += color[color_row, color_column, 1]
+            blue += color[color_row, color_column, 2]
+            count += 1
+    if count > 0:
+        _put(patch, here_row, here_column, red, green, blue, count)
     return first_row, last_row, first_column, last_column
+
+
+@njit(cache=True, nogil=True)
+def _put(patch: Float32, row: int, column: int, red: int, green: int, blue: int, count: int) -> None:
+    patch[row, column, 0] += np.float32(red)
+    patch[row, column, 1] += np.float32(green)
+    patch[row, column, 2] += np.float32(blue)
+    patch[row, column, 3] += np.float32(count)
