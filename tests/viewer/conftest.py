@@ -1,6 +1,8 @@
 """A small simulated corridor and its Steps: what the viewer's tests log. No filter takes part."""
 
+import os
 import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +19,7 @@ from pfslam_viz.robot import CameraGeometry
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.slam.protocol import Estimate, LoopClosure, Match
 from pfslam_viz.step import Step
+from pfslam_viz.viewer.blueprint import BACKGROUND
 from pfslam_viz.viewer.sinks import open_sinks, viewer_binary
 from pfslam_viz.viewer.stream import ReplayStream, StreamOptions
 
@@ -241,3 +244,33 @@ class Readable:
 def read_back() -> type[Readable]:
     """Reads a .rrd file."""
     return Readable
+
+
+@pytest.fixture(scope="session")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The demo's recording file, made as a user makes it."""
+    folder = tmp_path_factory.mktemp("demo")
+    command = [sys.executable, "-m", "pfslam_viz", "replay", "demo", "--data", str(folder), "--quiet"]
+    subprocess.run([*command, "--save", str(folder / "demo.rrd")], check=True, timeout=300)
+    return folder / "demo.rrd"
+
+
+@pytest.fixture(scope="session")
+def output(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where pictures are kept."""
+    chosen = os.environ.get("PFSLAM_TEST_OUTPUT")
+    folder = Path(chosen) if chosen else tmp_path_factory.mktemp("pictures")
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def shares() -> Callable[[Path], dict[str, float]]:
+    """Share of a picture's pixels by colour: white floor, unknown background, the trajectories' colours."""
+
+    def count(picture: Path) -> dict[str, float]:
+        image = cv2.cvtColor(cv2.imread(str(picture)), cv2.COLOR_BGR2RGB).astype(int)
+        colors = {"white": (255, 255, 255), "unknown": BACKGROUND, "orange": (213, 94, 0), "blue": (0, 110, 220)}
+        return {name: float(np.mean(np.abs(image - c).max(axis=2) < 25)) for name, c in colors.items()}
+
+    return count

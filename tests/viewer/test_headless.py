@@ -1,14 +1,10 @@
 """The recordings in Rerun's real viewer. The pictures stay in $PFSLAM_TEST_OUTPUT, or in pytest's temporary folder."""
 
-import os
-from pathlib import Path
-
 import cv2
 import numpy as np
 import pytest
 
 from pfslam_viz.errors import InputError, PfslamError
-from pfslam_viz.viewer.blueprint import BACKGROUND
 from pfslam_viz.viewer.headless import headless_viewer
 
 pytestmark = pytest.mark.slow
@@ -21,32 +17,6 @@ def viewer():
             yield running
     except PfslamError as error:
         pytest.skip(str(error))
-
-
-@pytest.fixture(scope="module")
-def output(tmp_path_factory):
-    chosen = os.environ.get("PFSLAM_TEST_OUTPUT")
-    folder = Path(chosen) if chosen else tmp_path_factory.mktemp("pictures")
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder
-
-
-def shares(picture):
-    """Share of the pixels by colour: white floor, unknown background, black or dark, and the trajectories' colours."""
-    image = cv2.cvtColor(cv2.imread(str(picture)), cv2.COLOR_BGR2RGB).astype(int)
-
-    def near(color):
-        return float(np.mean(np.abs(image - color).max(axis=2) < 25))
-
-    return {
-        name: near(color)
-        for name, color in (
-            ("white", (255, 255, 255)),
-            ("unknown", BACKGROUND),
-            ("orange", (213, 94, 0)),
-            ("blue", (0, 110, 220)),
-        )
-    }
 
 
 def test_no_view_complains_at_start_middle_and_end(viewer, output, recorded):
@@ -74,7 +44,7 @@ def test_a_tab_that_is_not_there_is_named(viewer, recorded):
         viewer.show_tab("Nope")
 
 
-def test_the_compare_tab_shows_both_maps_framed_alike(viewer, output, recorded):
+def test_the_compare_tab_shows_both_maps_framed_alike(viewer, output, recorded, shares):
     viewer.open(recorded.path)
     viewer.show_tab("Compare")
     viewer.seek(len(recorded.steps) - 1)
@@ -98,3 +68,23 @@ def test_a_recording_without_camera_opens_too(viewer, output, plain_corridor, ma
     viewer.seek(30)
     viewer.photograph(output / "plain.png")
     assert viewer.reports() == []
+
+
+def test_the_demo_is_shown_without_complaint_from_start_to_end(viewer, output, demo, shares):
+    viewer.open(demo)
+    last = viewer.last_step()
+    assert last > 2000
+    for step in (0, last // 2, last):
+        viewer.seek(step)
+        picture = output / f"demo_compare_{step}.png"
+        viewer.photograph(picture)
+        assert viewer.reports() == [], step
+        found = shares(picture)
+        assert found["unknown"] > 0.3, step
+        if step > 0:  # the first scan alone leaves the floor grey
+            assert found["white"] > 0.02 and min(found["orange"], found["blue"]) > 0.001, step
+    viewer.seek(last // 2)
+    for tab in ("Filter", "Texture", "3-D", "About"):
+        viewer.show_tab(tab)
+        viewer.photograph(output / f"demo_{tab}.png")
+        assert viewer.reports() == [], tab

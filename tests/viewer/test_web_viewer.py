@@ -1,0 +1,116 @@
+"""The demo in Rerun's web viewer, in Chromium without a window, steered over WebDriver on the loopback.
+
+Skips where there is no Chromium with its driver (Debian: chromium and chromium-driver).
+"""
+
+import base64
+import json
+import shutil
+import subprocess
+import time
+import urllib.error
+import urllib.request
+from contextlib import contextmanager
+from urllib.parse import quote
+
+import pytest
+
+from pfslam_viz.viewer.sinks import free_port, viewer_binary
+
+pytestmark = pytest.mark.slow
+
+HOST = "127.0.0.1"
+PATIENCE = 120.0  # s; WebAssembly on a software renderer takes its time
+CHROMIUM = (
+    "--headless=new",
+    "--no-sandbox",
+    "--no-first-run",
+    "--disable-quic",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist",
+    "--window-size=1280,720",
+    f"--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE {HOST}",  # nothing leaves this machine
+)
+
+
+@contextmanager
+def running(command, log):
+    with log.open("wb") as sink:
+        process = subprocess.Popen(command, stdout=sink, stderr=subprocess.STDOUT)
+    try:
+        yield
+    finally:
+        process.terminate()
+        try:
+            process.wait(10)
+        except subprocess.TimeoutExpired:
+            process.kill()
+
+
+class Browser:
+    """As much of WebDriver as is needed: https://www.w3.org/TR/webdriver2."""
+
+    def __init__(self, port, profile):
+        self._root = f"http://{HOST}:{port}"
+        arguments = [*CHROMIUM, f"--user-data-dir={profile}"]
+        wanted = {"capabilities": {"alwaysMatch": {"goog:chromeOptions": {"args": arguments}}}}
+        self._root += f"/session/{self._ask('POST', '/session', wanted)['sessionId']}"
+
+    def open(self, url):
+        self._ask("POST", "/url", {"url": url})
+
+    def photograph(self, path):
+        path.write_bytes(base64.b64decode(self._ask("GET", "/screenshot")))
+
+    def close(self):
+        self._ask("DELETE", "")
+
+    def _ask(self, method, path, body=None):
+        data = None if body is None else json.dumps(body).encode()
+        request = urllib.request.Request(self._root + path, data, {"Content-Type": "application/json"}, method=method)
+        deadline = time.monotonic() + 20.0
+        while True:
+            try:
+                with urllib.request.urlopen(request, timeout=PATIENCE) as answer:
+                    return json.load(answer)["value"]
+            except urllib.error.HTTPError:
+                raise
+            except urllib.error.URLError:  # the driver does not listen yet
+                if time.monotonic() > deadline:
+                    raise
+                time.sleep(0.1)
+
+
+@pytest.fixture
+def browser(tmp_path):
+    driver = shutil.which("chromedriver")
+    if driver is None or not (shutil.which("chromium") or shutil.which("google-chrome")):
+        pytest.skip("no Chromium with its driver (Debian: chromium and chromium-driver)")
+    port = free_port(HOST)
+    with running([driver, f"--port={port}"], tmp_path / "driver.log"):
+        opened = Browser(port, tmp_path / "profile")
+        yield opened
+        opened.close()
+
+
+def test_the_demo_plays_in_the_web_viewer(browser, demo, output, shares, tmp_path):
+    """The maps' background and both trajectories appear."""
+    data, web = free_port(HOST), free_port(HOST)
+    command = [str(viewer_binary()), "--serve-web", "--bind", HOST, "--port", str(data), "--web-viewer-port", str(web)]
+    with running([*command, str(demo)], tmp_path / "server.log"):
+        time.sleep(1.0)  # the page is served at once, the data when it is read
+        source = quote(f"rerun+http://{HOST}:{data}/proxy", safe="")
+        browser.open(f"http://{HOST}:{web}/?url={source}&renderer=webgl")
+        picture, deadline = output / "demo_web.png", time.monotonic() + PATIENCE
+        while True:
+            browser.photograph(picture)
+            found = shares(picture)
+            if found["unknown"] > 0.3 and found["orange"] > 5e-5 and found["blue"] > 5e-4:
+                break
+            assert time.monotonic() < deadline, found
+            time.sleep(1.0)
