@@ -85,7 +85,6 @@ def _search_all(
     scans: ScanStore, poses: Array, candidates: Candidates, config: LoopClosingConfig
 ) -> list[tuple[int, int, Array]]:
     """The candidates that fit somewhere else than where they are: earlier, later, and the increment between them."""
-    found = []
     views: dict[int, Array] = {}
 
     def view_of(key: int) -> Array:
@@ -93,32 +92,46 @@ def _search_all(
             views[key] = view(scans, poses, key)
         return views[key]
 
+    def search(part: slice) -> list[tuple[int, int, Array]]:
+        found = []
+        pairs = zip(candidates.earlier[part], candidates.later[part], candidates.reach[part], strict=True)
+        for earlier, later, reach in pairs:
+            pivot = geometry.between(poses[earlier], poses[later])
+            better = _search(view_of(int(earlier)), view_of(int(later)), pivot, float(reach), config)
+            if better is not None:
+                found.append((int(earlier), int(later), better))
+        return found
+
+    parts = scans.worker.split(search, len(candidates.later), worth=8, pieces=8)
+    return [loop for part in parts for loop in part]
+
+
+def _search(there: Array, seen: Array, pivot: Array, reach: float, config: LoopClosingConfig) -> Array | None:
+    """Where the view ``seen`` (m, 2) fits on the view ``there`` (n, 2) better than at ``pivot`` (3,), and nowhere else.
+
+    The increment (3,) is within ``reach`` m of the pivot; None where there is no such place.
+    """
+    centre = pivot[:2]
+    points = (geometry.transform(pivot, seen[:: max(1, len(seen) // POINTS)]) - centre) / CELL
+    field, corner = blurred(there, centre, reach + VIEW)
+    at = (centre - corner) / CELL
+    here = float(overlay(field, at, points, np.zeros(1), 2).max())
+    if here > WELL:
+        return None
+    steps = math.ceil(reach / CELL)
     turns = np.arange(-config.most_turn, config.most_turn + TURN_STEP / 2, TURN_STEP)
-    for earlier, later, reach in zip(candidates.earlier, candidates.later, candidates.reach, strict=True):
-        pivot = geometry.between(poses[earlier], poses[later])
-        centre = pivot[:2]
-        seen = view_of(int(later))
-        points = geometry.transform(pivot, seen[:: max(1, len(seen) // POINTS)]) - centre
-        field, corner = blurred(view_of(int(earlier)), centre, float(reach) + VIEW)
-        at = (centre - corner) / CELL
-        here = float(overlay(field, at, points / CELL, np.zeros(1), 2).max())
-        if here > WELL:
-            continue
-        steps = math.ceil(float(reach) / CELL)
-        scores = overlay(field, at, points / CELL, turns, steps)
-        best = np.unravel_index(int(np.argmax(scores)), scores.shape)
-        score = float(scores[best])
-        if score < config.score or here > config.rival * score:
-            continue  # it fits nowhere, or as well where it is
-        rivals = scores.max(axis=0)
-        rows, columns = np.ogrid[: rivals.shape[0], : rivals.shape[1]]
-        rivals[(rows - best[1]) ** 2 + (columns - best[2]) ** 2 <= (config.rival_distance / CELL) ** 2] = 0.0
-        if rivals.max() > config.rival * score:
-            continue
-        shift = np.array([(best[2] - steps) * CELL, (best[1] - steps) * CELL])
-        turn = float(turns[best[0]])
-        found.append((int(earlier), int(later), np.array([*(pivot[:2] + shift), pivot[2] + turn])))
-    return found
+    scores = overlay(field, at, points, turns, steps)
+    best = np.unravel_index(int(np.argmax(scores)), scores.shape)
+    score = float(scores[best])
+    if score < config.score or here > config.rival * score:
+        return None  # it fits nowhere, or as well where it is
+    rivals = scores.max(axis=0)
+    rows, columns = np.ogrid[: rivals.shape[0], : rivals.shape[1]]
+    rivals[(rows - best[1]) ** 2 + (columns - best[2]) ** 2 <= (config.rival_distance / CELL) ** 2] = 0.0
+    if rivals.max() > config.rival * score:
+        return None
+    shift = np.array([(best[2] - steps) * CELL, (best[1] - steps) * CELL])
+    return np.array([*(pivot[:2] + shift), pivot[2] + float(turns[best[0]])])
 
 
 def view(scans: ScanStore, poses: Array, key: int) -> Array:

@@ -32,12 +32,13 @@ class ScanStore:
         points, normals, bearings: (p, 2) m, (p, 2), (p,) rad; a normal is zero where no wall fits, bearings are seen
             from the lidar and increase within a scan.
         first: scan k owns rows ``first[k]`` to ``first[k + 1]``.
+        worker: who does a part of the matching.
     """
 
     def __init__(self, sensor: Array, worker: Worker | None = None) -> None:
         """An empty store; a ``worker`` does its part of the matching."""
         self.sensor = sensor
-        self._worker = worker or Worker(threads=1)
+        self.worker = worker or Worker(threads=1)
         self._rows = np.zeros((1024, 5), np.float32)
         self._first = np.zeros(64, np.int64)
         self._count = 0
@@ -72,17 +73,13 @@ class ScanStore:
     def add(self, points: Array) -> None:
         """Append a scan's end points (m, 2), in the order of the beams; at most MOST of them, evenly, are kept."""
         points = points[:: 1 + max(len(points) - 1, 0) // MOST]
-        normals = wall_normals(points, self.sensor, WALL_REACH)
         start = int(self._first[self._count])
         end = start + len(points)
         while end > len(self._rows):
             self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
         if self._count + 2 > len(self._first):
             self._first = np.concatenate([self._first, np.zeros_like(self._first)])
-        seen = points - self.sensor
-        self._rows[start:end, 0:2] = points
-        self._rows[start:end, 2:4] = normals
-        self._rows[start:end, 4] = _increasing(np.arctan2(seen[:, 1], seen[:, 0]))
+        describe(points, self.sensor, WALL_REACH, self._rows[start:end])
         self._count += 1
         self._first[self._count] = end
 
@@ -124,15 +121,8 @@ class ScanStore:
                 prior,
             )
 
-        found = self._worker.split(part, len(references), worth=100)
+        found = self.worker.split(part, len(references), worth=100)
         return Matches(*(np.concatenate(values) for values in zip(*found, strict=True)))
-
-
-def _increasing(bearings: Array) -> Array:
-    """Bearings (m,) of successive beams in [-pi, pi], continued beyond pi. They may lie more than pi apart."""
-    if len(bearings) == 0:
-        return bearings
-    return bearings + 2.0 * math.pi * np.cumsum(np.diff(bearings, prepend=bearings[0]) < -0.1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,6 +184,24 @@ def wall_normals(points: Floats, sensor: Floats, reach: float) -> Floats:
             nx, ny = -nx, -ny
         out[b, 0], out[b, 1] = nx, ny
     return out
+
+
+@njit(cache=True, nogil=True)
+def describe(points: Floats, sensor: Floats, reach: float, rows: Singles) -> None:
+    """Fill a scan's ``rows`` (m, 5): its end points, their :func:`wall_normals`, and their bearings from the lidar.
+
+    Bearings are those of successive beams, in [-pi, pi] at first and continued beyond pi; beams may lie more than pi
+    apart.
+    """
+    rows[:, :2] = points
+    rows[:, 2:4] = wall_normals(points, sensor, reach)
+    turns, last = 0.0, 0.0
+    for b in range(len(points)):
+        bearing = math.atan2(points[b, 1] - sensor[1], points[b, 0] - sensor[0])
+        if b > 0 and bearing - last < -0.1:
+            turns += 2.0 * math.pi
+        last = bearing
+        rows[b, 4] = bearing + turns
 
 
 @njit(cache=True, nogil=True)

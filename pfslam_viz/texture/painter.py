@@ -147,9 +147,12 @@ def pair(color_stamps: ArrayLike, disparity_stamps: ArrayLike) -> NDArray[np.int
 
 def read_images(color: Path | None, disparity: Path | None, shape: tuple[int, int]) -> Images:
     """The disparity and the RGB image of a pair, checked to be what a Kinect with images of ``shape`` delivers."""
+    import cv2
+
     depth_image, color_image = read_image(disparity), read_image(color)
     try:
         check_images(depth_image, color_image, shape)
     except ValueError:
         raise UnusableImage("wrong") from None
-    return depth_image.astype(np.uint16, copy=False), np.ascontiguousarray(color_image[..., ::-1], dtype=np.uint8)
+    rgb: NDArray[np.uint8] = np.asarray(cv2.cvtColor(color_image, cv2.COLOR_BGR2RGB), np.uint8)
+    return depth_image.astype(np.uint16, copy=False), rgb
