@@ -154,5 +154,7 @@ def read_images(color: Path | None, disparity: Path | None, shape: tuple[int, in
         check_images(depth_image, color_image, shape)
     except ValueError:
         raise UnusableImage("wrong") from None
-    rgb: NDArray[np.uint8] = np.asarray(cv2.cvtColor(color_image, cv2.COLOR_BGR2RGB), np.uint8)
+    rgb: NDArray[np.uint8] = np.asarray(
+        cv2.cvtColor(color_image.astype(np.uint8, copy=False), cv2.COLOR_BGR2RGB), np.uint8
+    )
     return depth_image.astype(np.uint16, copy=False), rgb
