@@ -71,6 +71,12 @@ def sections(data: Path | None) -> Iterator[tuple[str, str, str]]:
     if data:
         yield "The default filter on a log", "", f"speed {log} --config carmen --no-log"
     yield (
+        "Logging in a thread",
+        "Whether a thread that draws, encodes and writes would let the filter run on. Rerun's own threads compress and"
+        " write in either case; what is left holds the interpreter's lock. Logging stays in the loop, which is simpler.",
+        f"logging_thread {where} --config paper",
+    )
+    yield (
         "Scaling",
         "One number of the paper's settings at a time; the filter and both maps without logging, over 600 scans. `MB`"
         " is the peak of the process, `ratio` the literal filter's sum over ours.",

@@ -57,19 +57,6 @@ class History:
             at = int(self._parents[k][at])
         return out
 
-    def ancestors(self, keys_back: int) -> Indices:
-        """For each of the N particles now, the index of its ancestor ``keys_back`` key scans before the last."""
-        at = self._carried
-        for k in range(len(self._poses) - 1, max(len(self._poses) - 1 - keys_back, 0), -1):
-            at = self._parents[k][at]
-        return at
-
-    def rewrite(self, key_poses: Array) -> None:
-        """All particles now share one past: the key poses (keys, 3)."""
-        n = len(self._carried)
-        self._poses = [np.repeat(pose[None], n, axis=0) for pose in key_poses]
-        self._carried = np.arange(n)
-
     def trajectory(self, key_poses: Array) -> Array:
         """(n, 3) a pose for every scan so far, through ``key_poses`` (keys, 3).
 

@@ -32,14 +32,10 @@ def test_key_poses_are_those_of_the_ancestors_by_hand() -> None:
     np.testing.assert_array_equal(history.key_poses(0)[:, 0], [2, 11, 20])
     np.testing.assert_array_equal(history.key_poses(1)[:, 0], [2, 10, 21])
     np.testing.assert_array_equal(history.key_poses(2)[:, 0], [2, 10, 22])
-    np.testing.assert_array_equal(history.ancestors(0), [0, 1, 2])
-    np.testing.assert_array_equal(history.ancestors(1), [1, 0, 0])
-    np.testing.assert_array_equal(history.ancestors(2), [2, 2, 2])
-    np.testing.assert_array_equal(history.ancestors(9), [2, 2, 2])  # not before the first
     assert len(history) == 3 and history.keys == [0, 1, 2]
 
 
-def test_key_poses_and_ancestors_equal_lists_that_are_copied() -> None:
+def test_key_poses_equal_lists_that_are_copied() -> None:
     """Sixty scans, some of them keys, some followed by resampling, some by two of it."""
     rng = np.random.default_rng(0)
     history = History(N)
@@ -63,25 +59,8 @@ def test_key_poses_and_ancestors_equal_lists_that_are_copied() -> None:
             resampled += 1
         for p in range(N):
             np.testing.assert_array_equal(history.key_poses(p), trajectories[p])
-        for back in range(len(history)):
-            np.testing.assert_array_equal(history.ancestors(back), [line[-1 - back] for line in lineages])
     assert resampled > 20 and len(history) > 20
     assert len(np.unique([line[0] for line in lineages])) == 1  # there was something to inherit
-
-
-def test_a_rewritten_past_is_everybodys() -> None:
-    rng = np.random.default_rng(1)
-    history = History(N)
-    for _ in range(4):
-        keyed(history, rng.normal(size=(N, 3)))
-        history.resample(rng.integers(0, N, N))
-    past = rng.normal(size=(4, 3))
-    history.rewrite(past)
-    keyed(history, np.arange(18.0).reshape(6, 3))
-    history.resample(np.array([5, 5, 0, 1, 2, 3]))
-    for p, last in enumerate([5, 5, 0, 1, 2, 3]):
-        np.testing.assert_array_equal(history.key_poses(p)[:4], past)
-        np.testing.assert_array_equal(history.key_poses(p)[4], np.arange(18.0).reshape(6, 3)[last])
 
 
 def test_the_odometry_between_key_scans_is_kept() -> None:
