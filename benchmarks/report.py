@@ -8,6 +8,7 @@ Takes some ten minutes; the machine should have nothing else to do.
 
 import argparse
 import json
+import re
 import shlex
 import subprocess
 import sys
@@ -30,6 +31,8 @@ the public logs; `demo` needs nothing. No test asserts a time.
 
 Measured on
 """
+README = ROOT / "benchmarks" / "README.md"
+REMARKS = re.compile("<!-- remarks -->.*<!-- end of remarks -->\n", re.DOTALL)
 KERNELS = "python -m pytest benchmarks/test_kernels.py -o addopts="
 
 
@@ -39,7 +42,7 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--data", type=Path, help="folder that holds twin21/ and carmen/")
     parser.add_argument("--write", action="store_true", help="write benchmarks/README.md")
     given = parser.parse_args(arguments)
-    parts = [INTRODUCTION + "\n```\n" + machine.describe() + "\n```\n"]
+    parts = [INTRODUCTION + "\n```\n" + machine.describe() + "\n```\n", _remarks()]
     for title, text, command in sections(given.data):
         print(f"{title}: python -m benchmarks {command}", file=sys.stderr)
         shown = f"python -m benchmarks {command}" if command else KERNELS
@@ -47,7 +50,7 @@ def main(arguments: list[str]) -> None:
         parts.append(f"## {title}\n\n{text}\n\n```bash\n{shown}\n```\n\n{printed}")
     report = "\n".join(parts)
     if given.write:
-        (ROOT / "benchmarks" / "README.md").write_text(report, encoding="utf-8")
+        README.write_text(report, encoding="utf-8")
     else:
         print(report)
 
@@ -73,7 +76,7 @@ def sections(data: Path | None) -> Iterator[tuple[str, str, str]]:
     yield (
         "Logging in a thread",
         "Whether a thread that draws, encodes and writes would let the filter run on. Rerun's own threads compress and"
-        " write in either case; what is left holds the interpreter's lock. Logging stays in the loop, which is simpler.",
+        " write in either case; what is left holds the interpreter's lock. Logging stays in the loop, the simpler way.",
         f"logging_thread {where} --config paper",
     )
     yield (
@@ -96,6 +99,12 @@ def sections(data: Path | None) -> Iterator[tuple[str, str, str]]:
         )
     yield "Start-up", "", "startup"
     yield "Kernels", "At the paper's size, beside plain NumPy.", ""
+
+
+def _remarks() -> str:
+    """What somebody wrote of the machine; it stays when the report is written anew, to be read again then."""
+    found = REMARKS.search(README.read_text(encoding="utf-8"))
+    return found[0] if found else ""
 
 
 def _run(command: str, data: Path | None) -> str:
