@@ -1,5 +1,7 @@
 """The recordings in Rerun's real viewer. The pictures stay in $PFSLAM_TEST_OUTPUT, or in pytest's temporary folder."""
 
+from contextlib import contextmanager
+
 import cv2
 import numpy as np
 import pytest
@@ -10,13 +12,26 @@ from pfslam_viz.viewer.headless import headless_viewer
 pytestmark = pytest.mark.slow
 
 
-@pytest.fixture(scope="module")
-def viewer():
+@contextmanager
+def viewer_or_skip():
     try:
         with headless_viewer((1280, 720)) as running:
             yield running
     except PfslamError as error:
         pytest.skip(str(error))
+
+
+@pytest.fixture(scope="module")
+def viewer():
+    with viewer_or_skip() as running:
+        yield running
+
+
+@pytest.fixture
+def fresh_viewer():
+    """One that has seen no other recording, whose layout it would keep."""
+    with viewer_or_skip() as running:
+        yield running
 
 
 def test_no_view_complains_at_start_middle_and_end(viewer, output, recorded):
@@ -70,7 +85,8 @@ def test_a_recording_without_camera_opens_too(viewer, output, plain_corridor, ma
     assert viewer.reports() == []
 
 
-def test_the_demo_is_shown_without_complaint_from_start_to_end(viewer, output, demo, shares):
+def test_the_demo_is_shown_without_complaint_from_start_to_end(fresh_viewer, output, demo, shares):
+    viewer = fresh_viewer
     viewer.open(demo)
     last = viewer.last_step()
     assert last > 2000
