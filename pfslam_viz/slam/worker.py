@@ -7,7 +7,6 @@ import os
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
 from typing import Any, Generic, TypeVar
 
 T = TypeVar("T")
@@ -40,10 +39,12 @@ class Worker:
         left = deque(range(pieces))
 
         def take(next_piece: Callable[[], int]) -> None:
-            with suppress(IndexError):
-                while True:
+            while True:
+                try:
                     k = next_piece()
-                    results[k] = work(slice(bounds[k], bounds[k + 1]))
+                except IndexError:
+                    return
+                results[k] = work(slice(bounds[k], bounds[k + 1]))
 
         other = self._submit(take, left.pop)
         for task in self._deferred:

@@ -65,14 +65,15 @@ def test_too_few_stay_on_this_thread_and_so_does_everything_with_one() -> None:
 
 
 @pytest.mark.parametrize("failing", [0, 5])
-def test_an_error_in_either_part_comes_out(failing: int) -> None:
+@pytest.mark.parametrize("error", [ValueError, IndexError])
+def test_an_error_in_either_part_comes_out(failing: int, error: type[Exception]) -> None:
     def work(part: slice) -> int:
         if part.start == failing:
-            raise ValueError("no")
+            raise error("no")
         return 1
 
     worker = Worker()
-    with pytest.raises(ValueError, match="no"):
+    with pytest.raises(error, match="no"):
         worker.split(work, 10, worth=2)
     assert worker.split(lambda part: 1, 10, worth=2) == [1, 1]  # and the other thread still works
     worker.close()
