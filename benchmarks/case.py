@@ -66,17 +66,22 @@ def measure(case: Case) -> dict[str, Any]:
     return numbers
 
 
+def load(case: Case) -> tuple[Any, Any]:
+    """The case's recording and configuration."""
+    from pfslam_viz.config import load_config
+    from pfslam_viz.recordings.catalog import load_recording
+
+    recording = load_recording(case.recording, Path(case.data) if case.data else None)
+    return recording.select(case.start, case.stop), load_config(case.config, case.all_settings())
+
+
 def run(case: Case) -> dict[str, Any]:
     """Run the case in this process."""
     import numpy as np
 
-    from pfslam_viz.config import load_config
-    from pfslam_viz.recordings.catalog import load_recording
-
     started = perf_counter()
-    recording = load_recording(case.recording, Path(case.data) if case.data else None).select(case.start, case.stop)
+    recording, config = load(case)
     load_seconds = perf_counter() - started
-    config = load_config(case.config, case.all_settings())
     file_bytes = None
     if case.filter == "literal":
         from benchmarks.literal_filter import LiteralFilter

@@ -15,9 +15,8 @@ from statistics import median
 from time import perf_counter
 from typing import Any
 
+from benchmarks.case import load
 from benchmarks.speed import add_case_options, case_of
-from pfslam_viz.config import load_config
-from pfslam_viz.recordings.catalog import load_recording
 from pfslam_viz.replay import Replay
 from pfslam_viz.slam.kernels import warm_up
 
@@ -29,9 +28,7 @@ def main(arguments: list[str]) -> None:
     """Print the seconds of both ways, run in turns."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks logging_thread", description=__doc__.splitlines()[0])
     add_case_options(parser)
-    case = case_of(parser.parse_args(arguments))
-    recording = load_recording(case.recording, Path(case.data) if case.data else None).select(case.start, case.stop)
-    config = load_config(case.config, case.all_settings())
+    recording, config = load(case_of(parser.parse_args(arguments)))
     warm_up()
     seconds: dict[str, list[float]] = {"in the loop": [], "in a thread": []}
     for _ in range(REPEATS):

@@ -105,19 +105,22 @@ class Replay:
     def __iter__(self) -> Iterator[Step]:
         try:
             yield from self._steps()
+            if not self._finished:
+                self._finish()
         finally:
             self._worker.close()
             if self.painter:
                 self.painter.close()
-        if not self._finished:
-            started = perf_counter()
-            self.slam.finish()
-            self._worker.close()
-            self._finish_seconds = perf_counter() - started
-            if self.painter:
-                self.painter.finish()
-                self._texture = self._settled_texture(self.painter)
-            self._finished = True
+
+    def _finish(self) -> None:
+        """All scans are in: settle the trajectory, then the floor."""
+        started = perf_counter()
+        self.slam.finish()
+        self._finish_seconds = perf_counter() - started
+        if self.painter:
+            self.painter.finish()
+            self._texture = self._settled_texture(self.painter)
+        self._finished = True
 
     def _settled_texture(self, painter: "TexturePainter") -> "FloorTexture":
         """The floor as painted on the way, or painted anew where hindsight moved the trajectory by a cell or more."""

@@ -85,10 +85,7 @@ class OccupancyGrid:
 
         if self._marks and self._marks[0].shape != self.shape:
             self._marks.clear()
-        if worker is None:
-            count(slice(0, len(poses)))
-        else:
-            worker.split(count, len(poses), worth=100, pieces=4)
+        (worker or Worker(threads=1)).split(count, len(poses), worth=100, pieces=4)
         return counts
 
     def project(self, pose: Array, points: Array) -> tuple[Array, NDArray[np.bool_]]:

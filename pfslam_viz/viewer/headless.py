@@ -94,9 +94,7 @@ def headless_viewer(size: tuple[int, int] = (1600, 900), memory: str = "4GB") ->
     with tempfile.TemporaryDirectory() as runtime:
         environment = {**os.environ, "XDG_RUNTIME_DIR": runtime}
         output = Path(runtime) / "output"
-        with output.open("wb") as sink:
-            process = subprocess.Popen(command, env=environment, stdout=sink, stderr=subprocess.STDOUT)
-        try:
+        with running(command, output, environment) as process:
             deadline = time.monotonic() + START_SECONDS
             while True:
                 if process.poll() is not None:
@@ -111,13 +109,24 @@ def headless_viewer(size: tuple[int, int] = (1600, 900), memory: str = "4GB") ->
                         raise PfslamError(f"the viewer did not answer within {START_SECONDS:.0f} s") from error
                     time.sleep(0.1)
             yield HeadlessViewer(client, process)
-        finally:
-            process.terminate()
-            try:
-                process.wait(10)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+
+
+@contextmanager
+def running(
+    command: Sequence[str | Path], output: Path, environment: dict[str, str] | None = None
+) -> "Iterator[subprocess.Popen[bytes]]":
+    """A process that writes what it says to ``output`` and ends with the block, by force if need be."""
+    with output.open("wb") as sink:
+        process = subprocess.Popen(command, env=environment, stdout=sink, stderr=subprocess.STDOUT)
+    try:
+        yield process
+    finally:
+        process.terminate()
+        try:
+            process.wait(10)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
 
 
 def _name(part: dict[str, Any]) -> str:

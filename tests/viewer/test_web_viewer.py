@@ -6,15 +6,14 @@ Skips where there is no Chromium with its driver (Debian: chromium and chromium-
 import base64
 import json
 import shutil
-import subprocess
 import time
 import urllib.error
 import urllib.request
-from contextlib import contextmanager
 from urllib.parse import quote
 
 import pytest
 
+from pfslam_viz.viewer.headless import running
 from pfslam_viz.viewer.sinks import free_port, viewer_binary
 
 pytestmark = pytest.mark.slow
@@ -36,20 +35,6 @@ CHROMIUM = (
     "--window-size=1280,720",
     f"--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE {HOST}",  # nothing leaves this machine
 )
-
-
-@contextmanager
-def running(command, log):
-    with log.open("wb") as sink:
-        process = subprocess.Popen(command, stdout=sink, stderr=subprocess.STDOUT)
-    try:
-        yield
-    finally:
-        process.terminate()
-        try:
-            process.wait(10)
-        except subprocess.TimeoutExpired:
-            process.kill()
 
 
 class Browser:
