@@ -5,7 +5,7 @@ from importlib import import_module
 
 from benchmarks import machine
 
-NAMES = ("speed", "scaling", "memory", "recording", "startup", "logging_thread", "accuracy", "report")
+NAMES = ("speed", "scaling", "memory", "recording", "startup", "logging", "accuracy", "report")
 TELL_THEMSELVES = ("accuracy", "report")  # on what machine they ran
 
 

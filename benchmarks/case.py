@@ -8,6 +8,7 @@ import resource
 import subprocess
 import sys
 import tempfile
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from time import perf_counter
@@ -130,15 +131,16 @@ def _replay(recording: Any, config: Any, log: bool) -> tuple[float, dict[str, An
         for _ in replay:
             pass
         return perf_counter() - started, replay.result().seconds, None
-    from pfslam_viz.viewer.sinks import open_sinks
-    from pfslam_viz.viewer.stream import ReplayStream, StreamOptions
+    from pfslam_viz.commands.choices import DetailChoice, SinkChoice
+    from pfslam_viz.commands.replay import open_stream
 
     logging = np.zeros(len(recording))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "out.rrd"
         started = perf_counter()
-        with open_sinks(save=path) as sink:
-            stream = ReplayStream(recording, config, sink, StreamOptions())
+        with ExitStack() as stack:
+            stream = open_stream(stack, recording, config, SinkChoice(save=path), DetailChoice())
+            assert stream is not None
             for k, step in enumerate(replay):
                 before = perf_counter()
                 stream.log(step)

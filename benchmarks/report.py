@@ -74,10 +74,11 @@ def sections(data: Path | None) -> Iterator[tuple[str, str, str]]:
     if data:
         yield "The default filter on a log", "", f"speed {log} --config carmen --no-log"
     yield (
-        "Logging in a thread",
-        "Whether a thread that draws, encodes and writes would let the filter run on. Rerun's own threads compress and"
-        " write in either case; what is left holds the interpreter's lock. Logging stays in the loop, the simpler way.",
-        f"logging_thread {where} --config paper",
+        "Where to draw",
+        "Making Rerun's columns of what the filter's loop gathered, encoding and writing, in that loop or in a thread"
+        " beside it: whole runs with `--save`, from start to end. Rerun's own threads compress and write in either"
+        " case; what is left holds the interpreter's lock. Drawing stays in the loop, the simpler way.",
+        f"logging {where} --config paper",
     )
     yield (
         "Scaling",

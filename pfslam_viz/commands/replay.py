@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING
 
 from pfslam_viz import console
 from pfslam_viz.commands.choices import ConfigChoice, DetailChoice, RecordingChoice, SinkChoice
@@ -13,6 +13,9 @@ from pfslam_viz.config import Config
 from pfslam_viz.files import check_writable
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.replay import Replay, Result
+
+if TYPE_CHECKING:
+    from pfslam_viz.viewer.stream import ReplayStream
 
 
 def run(
@@ -82,16 +85,18 @@ def kept_or_raise(result: Result, outputs: Sequence[Path | None]) -> None:
     raise Interrupted(f"interrupted after scan {len(result.stamps)} of {len(result.recording)}{held}")
 
 
-def open_stream(stack: ExitStack, recording: Recording, config: Config, sinks: SinkChoice, detail: DetailChoice) -> Any:
-    """A ReplayStream to the chosen sinks, which ``stack`` closes; None where nothing was chosen."""
+def open_stream(
+    stack: ExitStack, recording: Recording, config: Config, sinks: SinkChoice, detail: DetailChoice
+) -> "ReplayStream | None":
+    """A stream to the chosen sinks, which ``stack`` closes; None where nothing was chosen."""
     if not sinks.any:
         return None
-    from pfslam_viz.viewer.stream import ReplayStream
+    from pfslam_viz.viewer.stream import replay_stream
 
-    return ReplayStream(recording, config, stack.enter_context(sinks.open()), detail.options())
+    return replay_stream(recording, config, stack.enter_context(sinks.open()), detail.options())
 
 
-def _replay(recording: Recording, config: Config, stream: Any, quiet: bool) -> tuple[Result, float]:
+def _replay(recording: Recording, config: Config, stream: "ReplayStream | None", quiet: bool) -> tuple[Result, float]:
     """Run the filter until the last scan or Ctrl-C; also the seconds that logging took."""
     log_seconds = 0.0
     replay = Replay(recording, config)

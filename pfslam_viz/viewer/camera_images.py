@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pfslam_viz.recordings.recording import Frames
 from pfslam_viz.viewer import pictures
+from pfslam_viz.viewer.pictures import Jpeg
 
 AHEAD = 2  # images that are decoded before they are due; not many, so that the floor's painter finds them decoded
 
@@ -19,9 +20,9 @@ class _Kind:
     name: str
     stamps: NDArray[np.float64]
     paths: list[Path]
-    encode: Callable[[Path], bytes | None]
+    encode: Callable[[Path], Jpeg | None]
     next: int = 0
-    pending: dict[int, "Future[bytes | None]"] = field(default_factory=dict)
+    pending: dict[int, "Future[Jpeg | None]"] = field(default_factory=dict)
 
 
 class CameraImages:
@@ -46,7 +47,7 @@ class CameraImages:
                 self._kinds.append(_Kind(name, np.asarray(stamps)[kept], files, encode))
                 self.available = max(self.available, len(there))
 
-    def due(self, stamp: float) -> Iterator[tuple[str, bytes]]:
+    def due(self, stamp: float) -> Iterator[tuple[str, Jpeg]]:
         """Kind and JPEG of each image that has come since the last call; the newest where several have."""
         for kind in self._kinds:
             current = int(np.searchsorted(kind.stamps, stamp, side="right")) - 1
@@ -67,7 +68,7 @@ class CameraImages:
         if self._pool is not None:
             self._pool.shutdown(wait=False, cancel_futures=True)
 
-    def _decoded(self, kind: _Kind, index: int) -> "Future[bytes | None]":
+    def _decoded(self, kind: _Kind, index: int) -> "Future[Jpeg | None]":
         if self._pool is None:
             self._pool = ThreadPoolExecutor(1, thread_name_prefix="camera-images")
         if index not in kind.pending:

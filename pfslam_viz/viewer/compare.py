@@ -10,9 +10,12 @@ from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.replay import Replay, Result
 from pfslam_viz.step import Step
 from pfslam_viz.viewer import entities
+from pfslam_viz.viewer.drawing import Drawing, send_scene
+from pfslam_viz.viewer.entities import Entities
 from pfslam_viz.viewer.framing import Framing, aspect_of
+from pfslam_viz.viewer.gatherer import Gatherer, StreamOptions
 from pfslam_viz.viewer.sinks import Sink
-from pfslam_viz.viewer.stream import ReplayStream, StreamOptions, send_scene
+from pfslam_viz.viewer.stream import ReplayStream
 
 RESERVED = ("dead_reckoning", "truth", "overview")
 
@@ -49,11 +52,14 @@ def compare(
         raise InputError(f"{len(configs)} configurations: at most {len(entities.RUNS)} can be told apart by colour")
     names = run_names(configs)
     panels = len(names) + 1
-    streams = [
-        ReplayStream(recording, config, sink, options, name, color=color.rgb, alone=False, shared=index == 0)
-        for index, (config, name, color) in enumerate(zip(configs, names, entities.RUNS, strict=False))
-    ]
-    send_scene(sink, recording, streams, Framing.of_recording(recording, aspect_of(panels)))
+    options = options or StreamOptions()
+    drawings, streams = [], []
+    for index, (config, name, color) in enumerate(zip(configs, names, entities.RUNS, strict=False)):
+        run, shared = Entities(name), index == 0
+        drawing = Drawing(recording, config, sink, run, options.max_particles, color=color.rgb, shared=shared)
+        drawings.append(drawing)
+        streams.append(ReplayStream(Gatherer(recording, options, run, shared=shared), drawing, alone=False))
+    send_scene(drawings, Framing.of_recording(recording, aspect_of(panels)))
     replays = [Replay(recording, config) for config in configs]
     with ExitStack() as stack:
         iterators = [stack.enter_context(closing(_steps(replay))) for replay in replays]
@@ -72,7 +78,8 @@ def compare(
     for stream, result in zip(streams, results, strict=True):
         stream.finish(result)
     if len(results[0].stamps):
-        send_scene(sink, recording, streams, Framing.of_results(results, aspect_of(panels)), final=True)
+        left_out = list(dict.fromkeys(phrase for stream in streams for phrase in stream.left_out))
+        send_scene(drawings, Framing.of_results(results, aspect_of(panels)), left_out)
     return results
 
 

@@ -76,12 +76,12 @@ def _replay(path: Path, application: str | None, recording_id: str | None, confi
     from pfslam_viz.recordings.catalog import load_recording
     from pfslam_viz.replay import Replay
     from pfslam_viz.viewer.sinks import APPLICATION_ID, open_sinks
-    from pfslam_viz.viewer.stream import ReplayStream
+    from pfslam_viz.viewer.stream import replay_stream
 
     recording = load_recording(path)
     config = load_config(config_name or default_config_name(recording.format))
     with open_sinks(stdout=True, application_id=application or APPLICATION_ID, recording_id=recording_id) as sink:
-        stream = ReplayStream(recording, config, sink)
+        stream = replay_stream(recording, config, sink)
         replay = Replay(recording, config)
         for step in replay:
             stream.log(step)

@@ -1,16 +1,18 @@
-"""Grids, textures and camera images as what Rerun shows, and how many of them a recording may hold."""
+"""What is shown of some scans only: grids, textures, walls, lines, camera images; and how many a recording may hold.
 
+Plain arrays, copied, as in :mod:`pfslam_viz.viewer.block`.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import rerun as rr
 from numpy.typing import NDArray
 
 from pfslam_viz.recordings.images import UnusableImage, read_image
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
-from pfslam_viz.viewer import kernels
 from pfslam_viz.viewer.entities import MAP_Z, TEXTURE_Z
 
 if TYPE_CHECKING:
@@ -23,6 +25,54 @@ FARTHEST_DISPARITY = 1100  # raw; the formula has no depth beyond
 WALL_HEIGHT = 0.6  # m: low enough to look over
 _STEPS = 12.0  # levels of the table below per unit of log-odds
 _TABLE = np.round(100.0 / (1.0 + np.exp(-(np.arange(256) - 128) / _STEPS))).astype(np.uint8)
+
+
+@dataclass(frozen=True, slots=True)
+class Cells:
+    """A grid on the floor: (rows, columns) as ROS counts them, or RGBA colours (rows, columns, 4); row 0 is the top.
+
+    ``corner`` (3,) m is the lower left one, ``cell`` m a cell's edge.
+    """
+
+    values: NDArray[np.uint8]
+    cell: float
+    corner: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Boxes:
+    """Boxes (n, 3) along the axes: where their centres are, and half of how long, m."""
+
+    centers: NDArray[np.float32]
+    half_sizes: NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class Lines:
+    """Polylines (m, 2) each, or (k, m, 2) for all of them, at height ``z`` m."""
+
+    strips: Sequence[NDArray[np.float32]] | NDArray[np.float32]
+    z: float
+
+
+@dataclass(frozen=True, slots=True)
+class Jpeg:
+    """An image, encoded."""
+
+    contents: NDArray[np.uint8]
+
+
+Content = Cells | Boxes | Lines | Jpeg
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """What the entity ``path`` shows from scan ``step`` on, ``seconds`` after the first one."""
+
+    path: str
+    step: int
+    seconds: float
+    content: Content
 
 
 @dataclass
@@ -70,55 +120,40 @@ def occupancy(log_odds: NDArray[np.float32]) -> tuple[NDArray[np.uint8], slice, 
 
     Where nothing is known, the rows and columns are those of one cell.
     """
+    from pfslam_viz.viewer import kernels
+
     cells, (top, bottom, left, right) = kernels.shade(log_odds, _TABLE, _STEPS, UNKNOWN)
     if bottom < top:
         return cells, slice(0, 1), slice(0, 1)
     return cells, slice(int(top), int(bottom) + 1), slice(int(left), int(right) + 1)
 
 
-def grid_map(grid: OccupancyGrid) -> tuple[Any, int]:
-    """The known part of the grid as a GridMap, and its size in bytes. Row 0 is the top in both."""
+def grid_map(grid: OccupancyGrid) -> Cells:
+    """The known part of the grid. Row 0 is the top in both."""
     cells, rows, columns = occupancy(grid.log_odds)
-    known = cells[rows, columns]
-    return _grid_map(known, grid.cell, grid.lower_left, grid.shape, rows, columns, MAP_Z), known.size
+    return _placed(cells[rows, columns], grid, rows, columns, MAP_Z)
 
 
-def _grid_map(
-    cells: NDArray[np.uint8],
-    cell: float,
-    lower_left: tuple[float, float],
-    shape: tuple[int, int],
-    rows: slice,
-    columns: slice,
-    z: float,
-) -> Any:
-    """``cells``, cut at ``rows`` and ``columns`` from a grid of ``shape``, as a GridMap in its place."""
-    height, width = cells.shape[:2]
-    gray = cells.ndim == 2
-    corner = (lower_left[0] + columns.start * cell, lower_left[1] + (shape[0] - rows.stop) * cell, z)
-    return rr.GridMap(
-        data=np.ascontiguousarray(cells).reshape(-1),
-        format=rr.components.ImageFormat(
-            width=width, height=height, color_model="L" if gray else "RGBA", channel_datatype="U8"
-        ),
-        cell_size=cell,
-        translation=corner,
-        colormap=rr.components.Colormap.RvizMap if gray else None,
-        opacity=None if gray else 0.999,
-    )
+def _placed(
+    values: NDArray[np.uint8], grid: "OccupancyGrid | FloorTexture", rows: slice, columns: slice, z: float
+) -> Cells:
+    """``values``, cut from ``grid`` at ``rows`` and ``columns``, in their place."""
+    left, bottom = grid.lower_left
+    corner = (left + columns.start * grid.cell, bottom + (grid.shape[0] - rows.stop) * grid.cell, z)
+    return Cells(np.ascontiguousarray(values), grid.cell, corner)
 
 
-def texture_map(texture: "FloorTexture") -> tuple[Any, int]:
-    """The painted part of the floor texture as a GridMap, transparent elsewhere, and its size in bytes."""
+def texture_map(texture: "FloorTexture") -> Cells:
+    """The painted part of the floor texture, transparent elsewhere."""
     painted = texture.weight > 0
     rows, columns = _box(painted)
     colors = np.zeros((*painted[rows, columns].shape, 4), np.uint8)
     colors[..., :3] = texture.color[rows, columns]
     colors[..., 3] = painted[rows, columns] * np.uint8(255)
-    return _grid_map(colors, texture.cell, texture.lower_left, texture.shape, rows, columns, TEXTURE_Z), colors.size
+    return _placed(colors, texture, rows, columns, TEXTURE_Z)
 
 
-def walls(grid: OccupancyGrid) -> Any:
+def walls(grid: OccupancyGrid) -> Boxes:
     """The occupied cells as boxes, one for each run of them in a row, centred (z too) on :data:`WALL_HEIGHT` / 2."""
     occupied = np.pad(grid.occupied > 0, ((0, 0), (1, 1)))
     width = occupied.shape[1] - 1
@@ -133,16 +168,10 @@ def walls(grid: OccupancyGrid) -> Any:
     centers = np.full((len(rows), 3), WALL_HEIGHT / 2, np.float32)
     centers[:, 0] = left[:, 0] - grid.cell / 2 + half[:, 0]
     centers[:, 1] = left[:, 1]
-    return rr.Boxes3D(centers=centers, half_sizes=half)
+    return Boxes(centers, half)
 
 
-def encoded(contents: bytes) -> Any:
-    """A JPEG to log."""
-    array = np.frombuffer(contents, np.uint8)  # bytes are converted 40 times as slowly
-    return rr.EncodedImage(contents=array, media_type="image/jpeg")
-
-
-def color_jpeg(path: "Path", scale: int = 2) -> bytes | None:
+def color_jpeg(path: "Path", scale: int = 2) -> Jpeg | None:
     """A colour frame, reduced, as JPEG; None where the file cannot be read."""
     import cv2
 
@@ -153,7 +182,7 @@ def color_jpeg(path: "Path", scale: int = 2) -> bytes | None:
     return _jpeg(cv2.resize(image, (width // scale, height // scale), interpolation=cv2.INTER_AREA))
 
 
-def disparity_jpeg(path: "Path", scale: int = 2) -> bytes | None:
+def disparity_jpeg(path: "Path", scale: int = 2) -> Jpeg | None:
     """A disparity frame (uint16), near bright, pixels without depth black, reduced, as JPEG; None if unreadable."""
     import cv2
 
@@ -171,10 +200,10 @@ def _pixels(path: "Path") -> NDArray[Any] | None:
         return None
 
 
-def _jpeg(image: Any) -> bytes:
+def _jpeg(image: Any) -> Jpeg:
     import cv2
 
-    return bytes(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 80])[1])
+    return Jpeg(np.asarray(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 80])[1], np.uint8).ravel())
 
 
 @cache

@@ -4,8 +4,6 @@
 are exactly the points up to a scan, the point between them in both.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,14 +18,14 @@ class Trail:
         self._count = 0
         self.every = max(int(np.sqrt(scans)), 2)
 
-    def extend(self, poses: Sequence[NDArray[np.float64]]) -> tuple[list[tuple[int, Points]], list[Points]]:
-        """Append poses (x, y first).
+    def extend(self, poses: NDArray[np.float64]) -> tuple[list[tuple[int, Points]], list[Points]]:
+        """Append poses (n, 3), of which x and y count.
 
         Returns the ``done`` strips with the row (index into ``poses``) each belongs to, and an ``open`` strip a row.
         """
         first = self._count
         self._count += len(poses)
-        self._points[first : self._count] = [pose[:2] for pose in poses]
+        self._points[first : self._count] = poses[:, :2]
         done, strips = [], []
         for row in range(len(poses)):
             k = first + row

@@ -20,8 +20,9 @@ from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.slam.protocol import Estimate, LoopClosure, Match
 from pfslam_viz.step import Step
 from pfslam_viz.viewer.blueprint import BACKGROUND
+from pfslam_viz.viewer.gatherer import StreamOptions
 from pfslam_viz.viewer.sinks import open_sinks, viewer_binary
-from pfslam_viz.viewer.stream import ReplayStream, StreamOptions
+from pfslam_viz.viewer.stream import replay_stream
 
 SCANS, BEAMS, PARTICLES = 60, 91, 40
 LENGTH, HALF_WIDTH = 8.0, 1.5  # m: a corridor along x, closed at both ends
@@ -179,7 +180,7 @@ class Recorded:
 def record(corridor: Corridor, path: Path, options: StreamOptions | None = None) -> Recorded:
     """Log the corridor's run to a file."""
     with open_sinks(save=path, name="corridor") as sink:
-        stream = ReplayStream(corridor.recording, corridor.config, sink, options)
+        stream = replay_stream(corridor.recording, corridor.config, sink, options)
         steps = []
         for step in corridor.steps():
             stream.log(step)

@@ -17,8 +17,8 @@ def frames(folder, count):
     return Frames(stamps, tuple(paths), np.zeros(0), (), CameraGeometry(position=(0, 0, 0)))
 
 
-def shade(contents):
-    return int(cv2.imdecode(np.frombuffer(contents, np.uint8), cv2.IMREAD_GRAYSCALE).mean().round() / 10)
+def shade(jpeg):
+    return int(cv2.imdecode(jpeg.contents, cv2.IMREAD_GRAYSCALE).mean().round() / 10)
 
 
 def seen(images, stamps):

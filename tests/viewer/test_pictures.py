@@ -7,14 +7,6 @@ from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.viewer import pictures
 
 
-def unpacked(archetype):
-    """Cells, cell size and lower-left corner of a GridMap."""
-    form = archetype.format.as_arrow_array().to_pylist()[0]
-    data = np.array(archetype.data.as_arrow_array().to_pylist()[0], np.uint8)
-    corner = archetype.translation.as_arrow_array().to_pylist()[0]
-    return data.reshape(form["height"], form["width"], -1).squeeze(), corner
-
-
 def test_occupancy_is_counted_as_ros_does():
     log_odds = np.array([[0.0, np.log(4), -np.log(4), 50.0, -50.0]], np.float32)
     values, rows, columns = pictures.occupancy(log_odds)
@@ -30,9 +22,9 @@ def test_a_marked_cell_lies_where_it_is_the_right_way_up():
     for (x, y), value in {(2.25, 3.25): 9.0, (-1.25, 0.75): -9.0}.items():
         row, column = grid.cells([[x, y]])[0]
         grid.log_odds[row, column] = value
-    drawn, size = pictures.grid_map(grid)
-    cells, corner = unpacked(drawn)
-    assert cells.shape == (6, 8) and size == 48  # x from -1.5 to 2.5, y from 0.5 to 3.5
+    drawn = pictures.grid_map(grid)
+    cells, corner = drawn.values, drawn.corner
+    assert cells.shape == (6, 8)  # x from -1.5 to 2.5, y from 0.5 to 3.5
     assert corner[:2] == pytest.approx([-1.5, 0.5])
     assert cells[0, 7] == 100  # top right
     assert cells[5, 0] == 0  # bottom left
@@ -40,8 +32,7 @@ def test_a_marked_cell_lies_where_it_is_the_right_way_up():
 
 
 def test_an_empty_map_is_one_unknown_cell():
-    cells, _ = unpacked(pictures.grid_map(OccupancyGrid(MapConfig()))[0])
-    assert cells == 255
+    np.testing.assert_array_equal(pictures.grid_map(OccupancyGrid(MapConfig())).values, [[255]])
 
 
 def test_walls_stand_on_the_occupied_cells():
@@ -50,12 +41,7 @@ def test_walls_stand_on_the_occupied_cells():
         row, column = grid.cells([[x, -0.75]])[0]
         grid.occupied[row, column] = 1
     boxes = pictures.walls(grid)
-    centers = np.array(
-        boxes.translations.as_arrow_array().to_pylist()
-        if hasattr(boxes, "translations")
-        else boxes.centers.as_arrow_array().to_pylist()
-    )
-    halves = np.array(boxes.half_sizes.as_arrow_array().to_pylist())
+    centers, halves = boxes.centers, boxes.half_sizes
     np.testing.assert_allclose(centers[:, :2], [[1.75, -0.75], [3.75, -0.75]], atol=1e-6)
     np.testing.assert_allclose(halves[:, :2], [[0.75, 0.25], [0.25, 0.25]], atol=1e-6)
     np.testing.assert_allclose(centers[:, 2], halves[:, 2])  # from the floor up
@@ -74,9 +60,8 @@ class Texture:
 
 
 def test_texture_is_transparent_where_nothing_was_seen():
-    drawn, size = pictures.texture_map(Texture())
-    cells, corner = unpacked(drawn)
-    assert size == 16
+    drawn = pictures.texture_map(Texture())
+    cells, corner = drawn.values, drawn.corner
     np.testing.assert_array_equal(cells[0], [[0, 0, 0, 0], [10, 20, 30, 255]])
     np.testing.assert_array_equal(cells[1], [[40, 50, 60, 255], [0, 0, 0, 0]])
     assert corner[:2] == pytest.approx([-0.5, -0.5])
@@ -113,10 +98,10 @@ def test_camera_images_become_small_jpegs(tmp_path):
     raw = np.full((480, 640), 2047, np.uint16)  # the Kinect's "no depth"
     raw[:, :200], raw[:, 200:400] = 500, 900  # 0.58 m and 1.79 m: near and far
     cv2.imwrite(str(disparity), raw)
-    image = cv2.imdecode(np.frombuffer(pictures.color_jpeg(color), np.uint8), cv2.IMREAD_COLOR)
+    image = cv2.imdecode(pictures.color_jpeg(color).contents, cv2.IMREAD_COLOR)
     assert image.shape == (240, 320, 3)
     np.testing.assert_allclose(image[120, 160], (30, 60, 200), atol=4)
-    image = cv2.imdecode(np.frombuffer(pictures.disparity_jpeg(disparity), np.uint8), cv2.IMREAD_COLOR)
+    image = cv2.imdecode(pictures.disparity_jpeg(disparity).contents, cv2.IMREAD_COLOR)
     near, far, none = (int(image[120, column].sum()) for column in (50, 150, 280))
     assert near > far > none
     assert none < 15

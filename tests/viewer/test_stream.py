@@ -5,8 +5,9 @@ import re
 import numpy as np
 import pytest
 
+from pfslam_viz.viewer.gatherer import StreamOptions
 from pfslam_viz.viewer.sinks import open_sinks
-from pfslam_viz.viewer.stream import ReplayStream, StreamOptions
+from pfslam_viz.viewer.stream import replay_stream
 
 EVERY_SCAN = [
     "world/filter/particles",
@@ -193,7 +194,7 @@ def test_nothing_is_left_out_silently(recorded):
 def test_an_unfinished_run_opens_with_what_was_logged(corridor, read_back, tmp_path):
     path = tmp_path / "part.rrd"
     with open_sinks(save=path) as sink:
-        stream = ReplayStream(corridor.recording, corridor.config, sink)
+        stream = replay_stream(corridor.recording, corridor.config, sink)
         for step, _ in zip(corridor.steps(), range(25), strict=False):
             stream.log(step)
     file = read_back(path)
@@ -205,7 +206,7 @@ def test_blocks_are_sent_as_they_fill(plain_corridor, tmp_path, monkeypatch):
     monkeypatch.setattr("pfslam_viz.viewer.stream.BLOCK_ROWS", 10)
     sent = []
     with open_sinks(save=tmp_path / "x.rrd") as sink:
-        stream = ReplayStream(plain_corridor.recording, plain_corridor.config, sink)
+        stream = replay_stream(plain_corridor.recording, plain_corridor.config, sink)
         send = sink.send_columns
 
         def spy(path, times, columns):

@@ -8,7 +8,7 @@ def test_done_and_open_are_exactly_the_points_so_far():
     trail = Trail(10)  # a done strip every 3 scans
     for block in (poses[:4], poses[4:5], poses[5:]):
         first = int(block[0, 0] / 3)
-        finished, strips = trail.extend(list(block))
+        finished, strips = trail.extend(block)
         for row, strip in enumerate(strips):
             k = first + row
             start = (k // 3) * 3

@@ -1,0 +1,163 @@
+"""Blocks as columns of Rerun's archetypes, worked out for a whole block at once, and pictures as archetypes."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import rerun as rr
+from numpy.typing import NDArray
+
+from pfslam_viz.viewer.block import Block, Ragged, stride
+from pfslam_viz.viewer.entities import WEIGHT_RAMP
+from pfslam_viz.viewer.pictures import Boxes, Cells, Content, Lines
+
+Array = NDArray[np.float64]
+Points = NDArray[np.float32]
+
+RESOLUTION = 0.01  # m: coordinates are rounded to this, which makes files small
+FEW = 100  # particles that are drawn finely
+HEADINGS = 60  # arrows a scan
+HEADING_LENGTHS = (0.02, 0.2)  # m: twice the cloud's standard deviation, within these
+LEVEL_HEIGHT = 0.002  # m from one level of weight to the next
+
+
+def time_columns(steps: Sequence[int] | NDArray[np.int64], seconds: Sequence[float] | Array) -> list[rr.TimeColumn]:
+    """The timelines ``step`` (scans) and ``time`` (s since the first scan)."""
+    return [rr.TimeColumn("step", sequence=steps), rr.TimeColumn("time", duration=np.asarray(seconds, np.float64))]
+
+
+def lifted(points: Any, z: float) -> Points:
+    """Points (m, 2) or (m, 3) as (m, 3) float32 at height ``z``."""
+    out = np.full((len(points), 3), z, np.float32)
+    out[:, :2] = points[:, :2]
+    return out
+
+
+def point_columns(points: Ragged, z: float) -> Any:
+    """A point set (m, 2) a row, rounded."""
+    positions = lifted(np.round(points.values / RESOLUTION) * RESOLUTION, z)
+    return rr.Points3D.columns(positions=positions).partition(points.lengths)
+
+
+_RAMP = np.array([(r << 24) | (g << 16) | (b << 8) | 255 for r, g, b in WEIGHT_RAMP], np.uint32)
+
+
+def particle_columns(block: Block, most: int, z: float) -> tuple[Any, Any]:
+    """At most so many particles a scan as points, some of them as arrows along their heading; coloured by weight.
+
+    Positions are rounded to a quarter of the cloud's standard deviation (a fortieth where particles are few, which
+    costs little), at most to :data:`RESOLUTION`.
+    """
+    kept = [_by_weight(weights, most) for weights in block.weights.rows()]
+    lengths = np.array([len(order) for order in kept])
+    ends = np.cumsum(lengths)
+    starts = np.cumsum(block.weights.lengths) - block.weights.lengths
+    chosen = np.concatenate(kept) + np.repeat(starts, lengths)
+    particles, weights = block.particles.values[chosen], block.weights.values[chosen]
+    levels = len(WEIGHT_RAMP)
+    level = np.minimum((weights / np.repeat(weights[ends - 1], lengths) * levels).astype(np.intp), levels - 1)
+    spread = np.sqrt(np.maximum(np.trace(block.covariance, axis1=1, axis2=2), 0.0))
+    spread = np.repeat(spread, lengths)[:, None]
+    few = np.repeat(lengths <= FEW, lengths)[:, None]
+    grain = np.clip(spread / np.where(few, 40, 4), RESOLUTION / 50, RESOLUTION)
+    positions = lifted(np.round(particles[:, :2] / grain) * grain, z)
+    positions[:, 2] += LEVEL_HEIGHT * level  # where particles cover each other, the heaviest shows
+    colors = _RAMP[level]
+    points = rr.Points3D.columns(positions=positions, colors=colors).partition(lengths)
+    some = [np.arange(end - 1, end - 1 - n, -stride(n, HEADINGS))[::-1] for end, n in zip(ends, lengths, strict=True)]
+    drawn = np.concatenate(some)
+    heading = np.round(particles[drawn, 2] * 60.0) / 60.0
+    length = np.clip(2 * spread[drawn], *HEADING_LENGTHS)
+    vectors = lifted(length * np.stack([np.cos(heading), np.sin(heading)], axis=-1), 0.0)
+    arrows = rr.Arrows3D.columns(origins=positions[drawn], vectors=vectors, colors=colors[drawn])
+    return points, arrows.partition([len(s) for s in some])
+
+
+def _by_weight(weights: Points, most: int) -> NDArray[np.intp]:
+    """Which of the particles are drawn, the heaviest last: it covers the others, and runs of one colour pack well."""
+    order = np.argsort(weights)
+    return order[::-1][:: stride(len(order), most)][::-1]
+
+
+def strips(points: Sequence[Any] | Points, z: float) -> Any:
+    """Polylines as what LineStrips3D takes, without its slow conversion of one strip at a time.
+
+    ``points`` are (m, 2) each, or (k, m, 2) for all of them.
+    """
+    data_type = rr.components.LineStrip3DBatch._ARROW_DATATYPE
+    if isinstance(points, np.ndarray):  # of equal lengths
+        lengths = np.full(points.shape[0], points.shape[1])
+        joined = points.reshape(-1, 2)
+    else:
+        lengths = np.array([len(p) for p in points], np.intp)
+        joined = np.concatenate(points) if points else np.zeros((0, 2), np.float32)
+    offsets = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
+    flat = lifted(joined, z)
+    inner = pa.FixedSizeListArray.from_arrays(pa.array(flat.ravel()), type=data_type.value_type)
+    return pa.ListArray.from_arrays(pa.array(offsets), inner, type=data_type)
+
+
+def strip_columns(values: Sequence[Any], z: float) -> Any:
+    """A polyline (m, 2) a row; none where m is 0."""
+    lines = strips([v for v in values if len(v)], z)
+    return rr.LineStrips3D.columns(strips=lines).partition([int(len(v) > 0) for v in values])
+
+
+def pose_columns(poses: Array, z: float) -> Any:
+    """Poses (n, 3), one a row, as transforms."""
+    quaternions = np.zeros((len(poses), 4), np.float32)
+    quaternions[:, 2], quaternions[:, 3] = np.sin(poses[:, 2] / 2), np.cos(poses[:, 2] / 2)
+    return rr.Transform3D.columns(translation=lifted(poses, z), quaternion=quaternions)
+
+
+def position_columns(poses: Array, z: float) -> Any:
+    """The positions of poses (n, 3), one a row, as transforms that do not turn."""
+    return rr.Transform3D.columns(translation=lifted(poses, z))
+
+
+def ellipse_columns(means: Array, covariances: Array, z: float) -> Any:
+    """Transforms that make the two-sigma ellipses of covariances (n, 2, 2) of a unit circle."""
+    values, vectors = np.linalg.eigh(covariances)
+    shapes = np.tile(np.eye(3, dtype=np.float32), (len(means), 1, 1))
+    shapes[:, :2, :2] = 2.0 * vectors * np.sqrt(np.maximum(values, 1e-12))[:, None, :]
+    by_columns = pa.array(np.swapaxes(shapes, 1, 2).ravel())  # as Rerun stores them; its own conversion is slow
+    data_type = rr.components.TransformMat3x3Batch._ARROW_DATATYPE
+    matrices = pa.FixedSizeListArray.from_arrays(by_columns, type=data_type)
+    return rr.Transform3D.columns(translation=lifted(means, z), mat3x3=matrices)
+
+
+def arrow_columns(origins: Array, vectors: Array, z: float) -> Any:
+    """An arrow a row: origins and vectors (n, 2)."""
+    return rr.Arrows3D.columns(origins=lifted(origins, z), vectors=lifted(vectors, 0.0))
+
+
+def scalar_columns(values: Any) -> Any:
+    """A number a row, for plots."""
+    return rr.Scalars.columns(scalars=np.asarray(values, np.float64))
+
+
+def archetype(content: Content) -> Any:
+    """A picture's content as what Rerun shows."""
+    if isinstance(content, Cells):
+        return _grid_map(content)
+    if isinstance(content, Boxes):
+        return rr.Boxes3D(centers=content.centers, half_sizes=content.half_sizes)
+    if isinstance(content, Lines):
+        return rr.LineStrips3D(strips(content.strips, content.z))
+    return rr.EncodedImage(contents=content.contents, media_type="image/jpeg")
+
+
+def _grid_map(cells: Cells) -> Any:
+    height, width = cells.values.shape[:2]
+    gray = cells.values.ndim == 2
+    return rr.GridMap(
+        data=cells.values.reshape(-1),
+        format=rr.components.ImageFormat(
+            width=width, height=height, color_model="L" if gray else "RGBA", channel_datatype="U8"
+        ),
+        cell_size=cells.cell,
+        translation=cells.corner,
+        colormap=rr.components.Colormap.RvizMap if gray else None,
+        opacity=None if gray else 0.999,
+    )
