@@ -151,7 +151,7 @@ class Replay:
             slam.resample()
             estimate = slam.estimate()
             clock.lap("resample")
-            reckoned_end_points = worker.result(drawn)
+            reckoned_end_points = drawn.result()
             clock.lap("dead_reckoning")
             painted = painter.add_pose(scan.stamp, estimate.mean) if painter else None
             clock.lap("texture")

@@ -6,14 +6,32 @@ and (25).
 """
 
 import math
+from collections.abc import Callable
+from typing import Any, cast
 
 import numpy as np
-from numba import njit
+from numba import njit, types
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
 APART = 40  # how far apart in the scan beams are that are looked up one after the other
+TAKEN = 16  # poses that a thread takes at a time
+
+
+def _code_of_fetch_add(typing_context: Any, array: Any, index: Any, value: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        elements, position, more = arguments
+        data = context.make_array(signature.args[0])(context, builder, elements).data
+        return builder.atomic_rmw("add", builder.gep(data, [position]), more, "seq_cst")
+
+    return types.int64(array, types.int64, types.int64), generate
+
+
+fetch_add: Callable[[NDArray[np.int64], int, int], int] = cast(Any, intrinsic(_code_of_fetch_add))
+"""``fetch_add(array, index, value)`` adds to an element of an int64 array and returns what it was, in one step that no
+other thread can split; for use in kernels."""
 
 
 @njit(cache=True, nogil=True)
@@ -99,6 +117,7 @@ def correlate(
     cell: float,
     marks: NDArray[np.uint8],
     counts: NDArray[np.int64],
+    progress: NDArray[np.int64],
 ) -> None:
     """Equation (26): for every pose (N, 3), how many occupied cells of the map the scan's end points (m, 2) mark.
 
@@ -106,45 +125,59 @@ def correlate(
     of cells must be unoccupied: points outside the grid are looked up there. ``marks`` is a scratch grid of the
     map's shape, whatever it holds. The answer goes to ``counts`` (N,).
 
+    ``progress`` (2,) is how many poses were taken and how many are done, [0, 0] at first. Threads that call with the
+    same one, each with ``marks`` of its own, share the poses as they get free; each returns when all are done.
+
     Cells are found in float32, twice as fast: an end point within 1e-4 of a cell's edge may fall on its other side.
     """
-    rows, columns = occupied.shape
-    m = len(points)
-    scale = 1.0 / cell
-    px, py = np.empty(m, np.float32), np.empty(m, np.float32)
-    reach, b = 0.0, 0
-    # Beams far apart follow each other: a cell just written is not read in the next turn, which would have to wait.
-    for first in range(APART):
-        for other in range(first, m, APART):
-            px[b], py[b] = points[other, 0] * scale, points[other, 1] * scale
-            reach = max(reach, points[other, 0] ** 2 + points[other, 1] ** 2)
-            b += 1
-    # Of the scratch grid, only the rows that the scan reaches are needed.
-    reach = math.sqrt(reach) * scale + 1.0
-    highest, lowest = origin_row - poses[:, 1].max() * scale - reach, origin_row - poses[:, 1].min() * scale + reach
-    top, bottom = int(min(max(highest, 0.0), rows - 1.0)), int(min(max(lowest, 0.0), rows - 1.0)) + 1
-    marked = marks.ravel()
-    reached, fresh = occupied.ravel()[top * columns : bottom * columns], marked[top * columns : bottom * columns]
-    zero, most_right, most_down = np.float32(0.0), np.float32(columns - 0.5), np.float32(rows - 0.5)
-    index = np.empty(m, np.uint32)
-    for k in range(len(poses)):
-        # A cell's mark is the last pose that came to it: 0 where none did, 255 in unoccupied cells.
-        if k % 254 == 0:
-            for i in range(len(fresh)):
-                fresh[i] = np.uint8(reached[i] - np.uint8(1))
-        this = np.uint8(k % 254 + 1)
-        c, s = np.float32(math.cos(poses[k, 2])), np.float32(math.sin(poses[k, 2]))
-        x, y = np.float32(poses[k, 0] * scale + origin_column), np.float32(origin_row - poses[k, 1] * scale)
-        for b in range(m):  # vectorised by the compiler; truncation is floor here, as nothing is negative
-            column = min(max(x + c * px[b] - s * py[b], zero), most_right)
-            row = min(max(y - s * px[b] - c * py[b], zero), most_down)
-            index[b] = np.int32(row) * np.int32(columns) + np.int32(column)
-        count = np.int64(0)
-        for b in range(m):  # without branches
-            mark = marked[index[b]]
-            count += np.int64(mark < this)
-            marked[index[b]] = max(mark, this)
-        counts[k] = count
+    n = len(poses)
+    taken = fetch_add(progress, 0, TAKEN)
+    if taken < n:
+        rows, columns = occupied.shape
+        m = len(points)
+        scale = 1.0 / cell
+        px, py = np.empty(m, np.float32), np.empty(m, np.float32)
+        reach, b = 0.0, 0
+        # Beams far apart follow each other: a cell just written is not read in the next turn, which would have to wait.
+        for first in range(APART):
+            for other in range(first, m, APART):
+                px[b], py[b] = points[other, 0] * scale, points[other, 1] * scale
+                reach = max(reach, points[other, 0] ** 2 + points[other, 1] ** 2)
+                b += 1
+        # Of the scratch grid, only the rows that the scan reaches are needed.
+        reach = math.sqrt(reach) * scale + 1.0
+        highest, lowest = origin_row - poses[:, 1].max() * scale - reach, origin_row - poses[:, 1].min() * scale + reach
+        top, bottom = int(min(max(highest, 0.0), rows - 1.0)), int(min(max(lowest, 0.0), rows - 1.0)) + 1
+        marked = marks.ravel()
+        reached, fresh = occupied.ravel()[top * columns : bottom * columns], marked[top * columns : bottom * columns]
+        zero, most_right, most_down = np.float32(0.0), np.float32(columns - 0.5), np.float32(rows - 0.5)
+        index = np.empty(m, np.uint32)
+        used = 0
+    while taken < n:
+        end = min(taken + TAKEN, n)
+        for k in range(taken, end):
+            # A cell's mark is the last pose that came to it: 0 where none did, 255 in unoccupied cells.
+            if used % 254 == 0:
+                for i in range(len(fresh)):
+                    fresh[i] = np.uint8(reached[i] - np.uint8(1))
+            this = np.uint8(used % 254 + 1)
+            used += 1
+            c, s = np.float32(math.cos(poses[k, 2])), np.float32(math.sin(poses[k, 2]))
+            x, y = np.float32(poses[k, 0] * scale + origin_column), np.float32(origin_row - poses[k, 1] * scale)
+            for b in range(m):  # vectorised by the compiler; truncation is floor here, as nothing is negative
+                column = min(max(x + c * px[b] - s * py[b], zero), most_right)
+                row = min(max(y - s * px[b] - c * py[b], zero), most_down)
+                index[b] = np.int32(row) * np.int32(columns) + np.int32(column)
+            count = np.int64(0)
+            for b in range(m):  # without branches
+                mark = marked[index[b]]
+                count += np.int64(mark < this)
+                marked[index[b]] = max(mark, this)
+            counts[k] = count
+        fetch_add(progress, 1, end - taken)
+        taken = fetch_add(progress, 0, TAKEN)
+    while fetch_add(progress, 1, 0) < n:  # the other thread's last few
+        pass
 
 
 @njit(cache=True, nogil=True)
@@ -307,7 +340,7 @@ def warm_up() -> None:
     compose(pose[0], pose[0])
     moments(pose, np.ones(1))
     pick(np.ones(1), np.zeros(1))
-    correlate(pose, points, occupied, 2, 2, 1.0, occupied.copy(), np.zeros(1, np.int64))
+    correlate(pose, points, occupied, 2, 2, 1.0, occupied.copy(), np.zeros(1, np.int64), np.zeros(2, np.int64))
     project(np.zeros(3), points, occupied, 2, 2, 1.0)
     one = np.float32(1.0)
     add_scan(np.zeros(3), points, np.zeros(2), grid, occupied, scratch, 1, 2, 2, 1.0, one, one, one, one)

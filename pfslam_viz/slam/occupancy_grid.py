@@ -1,5 +1,7 @@
 """The log-odds occupancy grid, which grows as the robot goes: equations (20) to (29)."""
 
+from functools import partial
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -9,6 +11,7 @@ from pfslam_viz.slam.worker import Worker
 Array = NDArray[np.float64]
 
 MARGIN = 64  # cells grown beyond what is asked for, so that growing stays rare
+WORTH_SHARING = 100  # poses; fewer are counted sooner than another thread wakes
 MARKS = np.iinfo(np.uint8).max
 EXACT = 2.0**-16  # float32 adds multiples of it without rounding, so that hits and misses cancel to 0, not to 1e-9
 
@@ -34,7 +37,7 @@ class OccupancyGrid:
         self.log_odds = np.zeros((2 * MARGIN, 2 * MARGIN), np.float32)
         self.occupied = np.zeros(self.log_odds.shape, np.uint8)
         self._scratch = Scratch(self.shape)
-        self._marks: list[NDArray[np.uint8]] = []  # scratch grids, one for each thread that correlates
+        self._marks: list[NDArray[np.uint8]] = []  # scratch grids, one for each of two threads that correlate
         numbers = (config.log_odds_hit, config.log_odds_miss, config.log_odds_bound, config.threshold)
         self._numbers = [np.float32(round(number / EXACT) * EXACT) for number in numbers]
 
@@ -76,16 +79,15 @@ class OccupancyGrid:
         """
         from pfslam_viz.slam import kernels
 
-        counts = np.empty(len(poses), np.int64)
+        counts, progress = np.empty(len(poses), np.int64), np.zeros(2, np.int64)
+        if not self._marks or self._marks[0].shape != self.shape:
+            self._marks = [np.empty(self.shape, np.uint8) for _ in range(2)]
 
-        def count(part: slice) -> None:
-            marks = self._marks.pop() if self._marks else np.empty(self.shape, np.uint8)
-            kernels.correlate(poses[part], points, self.occupied, *self.origin, self.cell, marks, counts[part])
-            self._marks.append(marks)
-
-        if self._marks and self._marks[0].shape != self.shape:
-            self._marks.clear()
-        (worker or Worker(threads=1)).split(count, len(poses), worth=100, pieces=4)
+        count = partial(kernels.correlate, poses, points, self.occupied, *self.origin, self.cell)
+        mine, others = self._marks
+        if worker is not None and len(poses) >= WORTH_SHARING:
+            worker.submit(partial(count, others, counts, progress))
+        count(mine, counts, progress)
         return counts
 
     def project(self, pose: Array, points: Array) -> tuple[Array, NDArray[np.bool_]]:

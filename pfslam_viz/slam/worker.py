@@ -4,9 +4,10 @@ Every element's result depends on that element alone, so the results do not depe
 """
 
 import os
+import threading
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from queue import SimpleQueue
 from typing import Any, Generic, TypeVar
 
 T = TypeVar("T")
@@ -17,14 +18,70 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+class Task(Generic[T]):
+    """Work that is done once, by the thread that comes to it first."""
+
+    def __init__(self, work: Callable[[], T]) -> None:
+        self._work = work
+        self._begun, self._done = threading.Lock(), threading.Lock()
+        self._done.acquire()
+        self._value: T
+        self._error: BaseException | None = None
+
+    def run(self) -> None:
+        """Do it, unless somebody has begun."""
+        if not self._begun.acquire(blocking=False):
+            return
+        try:
+            self._value = self._work()
+        except BaseException as error:
+            self._error = error
+        finally:
+            self._done.release()
+
+    @property
+    def begun(self) -> bool:
+        """Whether somebody does it, or did."""
+        return self._begun.locked()
+
+    def result(self) -> T:
+        """What the work returned or raised; it is done here unless the other thread has begun."""
+        self.run()
+        with self._done:
+            if self._error is not None:
+                raise self._error
+            return self._value
+
+
 class Worker:
     """One thread that helps the caller's. It starts with the first task and ends with :meth:`close`."""
 
     def __init__(self, threads: int = 2) -> None:
         """With fewer than 2 ``threads`` there is no other one: everything is done on the caller's."""
         self._alone = threads < 2
-        self._pool: ThreadPoolExecutor | None = None
-        self._deferred: list[Deferred[Any]] = []
+        self._tasks: SimpleQueue[Task[Any] | None] = SimpleQueue()
+        self._deferred: list[Task[Any]] = []
+        self._thread: threading.Thread | None = None
+
+    def submit(self, work: Callable[[], T]) -> Task[T]:
+        """Have the other thread do ``work`` when it has done what came before."""
+        task = Task(work)
+        if not self._alone:
+            if self._thread is None:
+                self._thread = threading.Thread(target=self._run, name="pfslam", daemon=True)
+                self._thread.start()
+            for queued in (task, *self._deferred):
+                self._tasks.put(queued)
+            self._deferred = []
+        return task
+
+    def defer(self, work: Callable[[], T]) -> Task[T]:
+        """Have ``work`` done behind the next task for the other thread, which is awake then.
+
+        It is done here when its result is asked for before.
+        """
+        self._deferred = [*(task for task in self._deferred if not task.begun), task := Task(work)]
+        return task
 
     def split(self, work: Callable[[slice], T], count: int, *, worth: int, pieces: int = 2) -> list[T]:
         """``work`` on ``count`` elements in ``pieces``, answered in order; whoever is free takes the next one.
@@ -46,46 +103,18 @@ class Worker:
                     return
                 results[k] = work(slice(bounds[k], bounds[k + 1]))
 
-        other = self._submit(take, left.pop)
-        for task in self._deferred:
-            task.future = self._submit(task.run)
-        self._deferred = []
+        other = self.submit(lambda: take(left.pop))
         take(left.popleft)
-        if not other.cancel():  # it may not even have started
-            other.result()
+        other.result()
         return [results[k] for k in range(pieces)]
-
-    def defer(self, run: Callable[[], T]) -> "Deferred[T]":
-        """Have ``run`` done behind the next :meth:`split`'s part on the other thread, which is awake then.
-
-        It is done here when its result is asked for before.
-        """
-        task = Deferred(run)
-        self._deferred.append(task)
-        return task
-
-    def result(self, task: "Deferred[T]") -> T:
-        """What the deferred task returns."""
-        if task.future is not None and not task.future.cancel():
-            return task.future.result()
-        self._deferred = [other for other in self._deferred if other is not task]
-        return task.run()
-
-    def _submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
-        if self._pool is None:
-            self._pool = ThreadPoolExecutor(1, "pfslam")
-        return self._pool.submit(task, *arguments)
 
     def close(self) -> None:
         """Finish what is queued and end the thread; a closed worker starts again when it is needed."""
-        if self._pool is not None:
-            self._pool.shutdown()
-            self._pool = None
+        if self._thread is not None:
+            self._tasks.put(None)
+            self._thread.join()
+            self._thread = None
 
-
-class Deferred(Generic[T]):
-    """A task for the time that the other thread has left."""
-
-    def __init__(self, run: Callable[[], T]) -> None:
-        self.run = run
-        self.future: Future[T] | None = None
+    def _run(self) -> None:
+        while (task := self._tasks.get()) is not None:
+            task.run()

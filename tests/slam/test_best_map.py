@@ -99,7 +99,7 @@ def test_correlation_counts_in_it(maps: TileMaps) -> None:
     grid.follow(1)
     points = np.array([[0.51, 0.01], [0.2, 0.01]])
     np.testing.assert_array_equal(grid.correlation(np.array([[3.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), points), [1, 0])
-    assert [marks.shape for marks in grid._marks] == [grid.shape]  # or the kernel would write beyond its end
+    assert [marks.shape for marks in grid._marks] == 2 * [grid.shape]  # or the kernel would write beyond its end
 
 
 def test_it_can_be_shown_other_maps(maps: TileMaps) -> None:

@@ -1,6 +1,7 @@
 """Every kernel against a plain NumPy twin on random input."""
 
 import math
+import threading
 
 import numpy as np
 import pytest
@@ -89,6 +90,12 @@ def write_twin(log_odds: Array, start: Cell, ends: list[Cell], hit: float, miss:
     return np.clip(out, -bound, bound)
 
 
+def correlate(poses: Array, points: Array, occupied: NDArray[np.uint8], marks: NDArray[np.uint8]) -> NDArray[np.int64]:
+    counts = np.full(len(poses), -1)
+    kernels.correlate(poses, points, occupied, *ORIGIN, CELL, marks, counts, np.zeros(2, np.int64))
+    return counts
+
+
 @pytest.mark.parametrize("kind", ["inside", "outside", "axes", "empty"])
 @pytest.mark.parametrize("count", [40, 254, 600])  # marks are used up after 254 poses
 def test_correlate(kind: str, count: int) -> None:
@@ -102,9 +109,7 @@ def test_correlate(kind: str, count: int) -> None:
     assert kind == "empty" or len(points) > 0
     twin, marks = correlation_twin(poses, points, occupied), rng.integers(0, 256, SHAPE).astype(np.uint8)
     for _ in range(2):  # whatever the scratch grid holds
-        counts = np.full(count, -1)
-        kernels.correlate(poses, points, occupied, *ORIGIN, CELL, marks, counts)
-        assert counts.tolist() == twin
+        assert correlate(poses, points, occupied, marks).tolist() == twin
 
 
 @pytest.mark.parametrize("y", [-30.0, -1.6, -1.2, 0.0, 1.9, 2.2, 40.0])
@@ -115,8 +120,7 @@ def test_correlate_from_any_height_in_the_grid_and_beyond(y: float) -> None:
     poses = np.column_stack([np.full(20, 0.043), rng.uniform(y - 0.05, y + 0.05, 20), rng.uniform(-3, 3, 20)])
     points = rng.uniform(-0.1, 0.1, (30, 2))
     points = points[[clear_of_edges(poses, point) for point in points]]
-    counts = np.full(20, -1)
-    kernels.correlate(poses, points, occupied, *ORIGIN, CELL, marks, counts)
+    counts = correlate(poses, points, occupied, marks)
     assert counts.tolist() == correlation_twin(poses, points, occupied)
     assert max(counts) > 0 or not -1.7 < y < 2.3
 
@@ -127,12 +131,51 @@ def test_correlate_does_not_depend_on_which_other_poses_there_are() -> None:
     occupied, marks = random_map(rng), np.zeros(SHAPE, np.uint8)
     points, poses = np.round(scan(rng, "inside"), 1), random_poses(rng, 300)
     poses[:, :2], poses[:, 2] = np.round(poses[:, :2], 1), rng.integers(-2, 2, 300) * (math.pi / 2)
-    together, apart = np.full(300, -1), np.full(300, -1)
-    kernels.correlate(poses, points, occupied, *ORIGIN, CELL, marks, together)
-    for k in range(0, 300, 7):
-        kernels.correlate(poses[k : k + 7], points, occupied, *ORIGIN, CELL, marks, apart[k : k + 7])
+    together = correlate(poses, points, occupied, marks)
+    apart = [correlate(poses[k : k + 7], points, occupied, marks) for k in range(0, 300, 7)]
     assert together.max() > 0
-    np.testing.assert_array_equal(apart, together)
+    np.testing.assert_array_equal(np.concatenate(apart), together)
+
+
+@pytest.mark.parametrize("count", [1, 16, 17, 1000])
+def test_threads_that_share_their_progress_correlate_every_pose_once(count: int) -> None:
+    """Whoever comes to it first: three threads at the same time, and one that comes when all is done."""
+    rng = np.random.default_rng(13)
+    occupied, points, poses = random_map(rng), scan(rng, "inside"), random_poses(rng, count)
+    expected = correlate(poses, points, occupied, np.zeros(SHAPE, np.uint8))
+    counts, progress, seen = np.full(count, -1), np.zeros(2, np.int64), []
+
+    def take(together: threading.Barrier) -> None:
+        marks = np.full(SHAPE, 9, np.uint8)
+        together.wait()
+        kernels.correlate(poses, points, occupied, *ORIGIN, CELL, marks, counts, progress)
+        seen.append(counts.copy())  # whoever returns finds everything done
+
+    together, alone = threading.Barrier(3), threading.Barrier(1)
+    threads = [threading.Thread(target=take, args=(together,)) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(20)
+    take(alone)
+    assert progress[1] == count
+    assert len(seen) == 4
+    for found in seen:
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_correlate_returns_when_other_threads_are_done_too() -> None:
+    rng, progress, marks = np.random.default_rng(14), np.array([20, 15]), np.zeros(SHAPE, np.uint8)  # 5 are worked on
+    occupied, points, poses, counts = random_map(rng), scan(rng, "inside"), random_poses(rng, 20), np.full(20, -1)
+    arguments = (poses, points, occupied, *ORIGIN, CELL, marks, counts, progress)
+    thread = threading.Thread(target=kernels.correlate, args=arguments)
+    thread.start()
+    thread.join(0.05)
+    waiting = thread.is_alive()
+    progress[1] = 20
+    thread.join(20)
+    assert waiting and not thread.is_alive()
+    assert counts.tolist() == 20 * [-1]  # none was left for it
 
 
 def test_correlate_counts_a_cell_once_wherever_its_beams_are_in_the_scan() -> None:
@@ -140,9 +183,7 @@ def test_correlate_counts_a_cell_once_wherever_its_beams_are_in_the_scan() -> No
     occupied[20, 20] = occupied[20, 21] = 1
     a, b = [0.35, 0.25], [0.45, 0.25]  # columns 20 and 21 of row 20
     points = np.array([a, a, b, a, [0.31, 0.29], *(60 * [[5.0, 5.0]]), a, b])
-    counts = np.full(1, -1)
-    kernels.correlate(np.zeros((1, 3)), points, occupied, *ORIGIN, CELL, np.zeros(SHAPE, np.uint8), counts)
-    assert counts.tolist() == [2]
+    assert correlate(np.zeros((1, 3)), points, occupied, np.zeros(SHAPE, np.uint8)).tolist() == [2]
 
 
 @pytest.mark.parametrize("kind", ["inside", "outside", "axes", "empty"])

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from functools import partial
 
 import numpy as np
 import pytest
@@ -79,35 +80,65 @@ def test_an_error_in_either_part_comes_out(failing: int, error: type[Exception])
     worker.close()
 
 
-def test_a_deferred_task_follows_the_next_split() -> None:
+def test_a_task_is_done_by_the_other_thread_in_the_order_given() -> None:
+    worker, begun, order = Worker(), threading.Event(), []
+    first = worker.submit(lambda: (begun.set(), order.append("first"), here())[2])
+    assert begun.wait(20)  # without a result being asked for
+    second, third = (worker.submit(partial(order.append, name)) for name in ("second", "third"))
+    assert first.result() != here()
+    worker.close()  # finishes what is queued
+    assert order == ["first", "second", "third"]
+    assert second.result() is third.result() is None
+    assert order == ["first", "second", "third"]  # each once
+
+
+def test_a_task_that_has_not_begun_is_done_where_its_result_is_asked_for() -> None:
+    worker, release = Worker(), threading.Event()
+    busy = worker.submit(lambda: release.wait(20))
+    assert worker.submit(here).result() == here()
+    release.set()
+    assert busy.result()
+    worker.close()
+    alone = Worker(1).submit(here)
+    assert alone.result() == alone.result() == here()
+
+
+def test_a_task_that_has_begun_is_waited_for() -> None:
+    worker, begun, release = Worker(), threading.Event(), threading.Event()
+    task = worker.submit(lambda: (begun.set(), release.wait(20), 7)[2])
+    begun.wait(20)
+    threading.Timer(0.05, release.set).start()
+    assert task.result() == 7
+    worker.close()
+
+
+def test_a_deferred_task_follows_the_next_one() -> None:
     worker, order = Worker(), []
-    task = worker.defer(lambda: (order.append("deferred"), here())[1])
-    worker.split(lambda part: order.append("split"), 1, worth=2)  # too few for the other thread
-    assert order == ["split"]
-    release = threading.Event()
-    worker.split(lambda part: (part.start == 0 or release.wait(20), release.set(), order.append("split")), 10, worth=2)
-    worker.split(lambda part: None, 10, worth=2)  # the other thread works in order: the task is done by now
-    assert order == ["split", "split", "split", "deferred"]
-    assert worker.result(task) != here()
-    assert order.count("deferred") == 1
+    deferred = worker.defer(lambda: (order.append("deferred"), here())[1])
+    worker.submit(lambda: order.append("next")).result()
+    while not deferred.begun:
+        time.sleep(0.001)
+    assert deferred.result() != here()
+    assert order == ["next", "deferred"]
     worker.close()
 
 
 def test_a_deferred_task_is_done_here_when_its_result_is_asked_for_before(worker: Worker) -> None:
     calls: list[str] = []
-    first, second = worker.defer(lambda: calls.append("first")), worker.defer(lambda: (calls.append(here()), 7)[1])
-    assert worker.result(second) == 7
-    assert calls == [here()]
-    worker.split(lambda part: None, 10, worth=2)
-    worker.result(first)
-    assert calls == [here(), "first"]  # each once
+    for name in ("first", "second", "third"):
+        worker.defer(partial(calls.append, name)).result()
+    assert len(worker._deferred) == 1  # those that are done do not heap up
+    worker.submit(here).result()
+    worker.close()
+    assert calls == ["first", "second", "third"]  # each once
 
 
-def test_a_deferred_task_hands_on_its_failure(worker: Worker) -> None:
-    task = worker.defer(lambda: 1 / 0)
-    worker.split(lambda part: None, 10, worth=2)
-    with pytest.raises(ZeroDivisionError):
-        worker.result(task)
+def test_a_task_hands_on_its_failure(worker: Worker) -> None:
+    task = worker.submit(lambda: 1 / 0)
+    for _ in range(2):
+        with pytest.raises(ZeroDivisionError):
+            task.result()
+    assert worker.submit(lambda: 3).result() == 3  # and the other thread still works
 
 
 def test_close_ends_the_thread_and_may_be_repeated() -> None:
