@@ -6,32 +6,17 @@ and (25).
 """
 
 import math
-from collections.abc import Callable
-from typing import Any, cast
 
 import numpy as np
-from numba import njit, types
-from numba.extending import intrinsic
+from numba import njit
 from numpy.typing import NDArray
+
+from pfslam_viz.slam.atomic import fetch_add
 
 Floats = NDArray[np.float64]
 
 APART = 40  # how far apart in the scan beams are that are looked up one after the other
 TAKEN = 16  # poses that a thread takes at a time
-
-
-def _code_of_fetch_add(typing_context: Any, array: Any, index: Any, value: Any) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        elements, position, more = arguments
-        data = context.make_array(signature.args[0])(context, builder, elements).data
-        return builder.atomic_rmw("add", builder.gep(data, [position]), more, "seq_cst")
-
-    return types.int64(array, types.int64, types.int64), generate
-
-
-fetch_add: Callable[[NDArray[np.int64], int, int], int] = cast(Any, intrinsic(_code_of_fetch_add))
-"""``fetch_add(array, index, value)`` adds to an element of an int64 array and returns what it was, in one step that no
-other thread can split; for use in kernels."""
 
 
 @njit(cache=True, nogil=True)
