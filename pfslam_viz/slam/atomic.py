@@ -19,5 +19,5 @@ def _code_of_fetch_add(typing_context: Any, array: Any, index: Any, value: Any) 
 
 
 fetch_add: Callable[[NDArray[np.int64], int, int], int] = cast(Any, intrinsic(_code_of_fetch_add))
-"""``fetch_add(array, index, value)`` adds to an element of a contiguous int64 array and returns what it was, in one step
-that no other thread can split. For use in kernels; the index is not checked."""
+"""``fetch_add(array, index, value)`` adds to an element of a contiguous int64 array and returns what it was, in one
+step that no other thread can split. For use in kernels; the index is not checked."""
