@@ -7,9 +7,8 @@ import argparse
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -19,6 +18,7 @@ from benchmarks.case import ROOT, Case, load
 from benchmarks.speed import add_case_options, case_of
 
 REPEATS = 5
+WAYS = ("loop", "thread")
 
 
 def main(arguments: list[str]) -> None:
@@ -47,55 +47,30 @@ def run(case: Case, way: str) -> None:
     """What ``pfslam-viz replay --save`` does, but for where it draws."""
     from pfslam_viz.replay import Replay
     from pfslam_viz.slam.kernels import warm_up
-    from pfslam_viz.viewer.gatherer import Gatherer, StreamOptions
-    from pfslam_viz.viewer.stream import ReplayStream
+    from pfslam_viz.viewer.sinks import open_sinks
+    from pfslam_viz.viewer.stream import replay_stream
 
     recording, config = load(case)
-    options = StreamOptions()
+    warm_up()
     with (
         tempfile.TemporaryDirectory() as folder,
-        WAYS[way](recording, config, options, Path(folder) / "x.rrd") as drawer,
+        open_sinks(save=Path(folder) / "x.rrd") as sink,
+        ThreadPoolExecutor(1) as thread,
     ):
-        warm_up()
-        stream = ReplayStream(Gatherer(recording, options), drawer)
+        stream = replay_stream(recording, config, sink)
+        if way == "thread":
+            stream._drawing = ThreadedDrawing(stream._drawing, thread)
         replay = Replay(recording, config)
         for step in replay:
             stream.log(step)
         stream.finish(replay.result())
 
 
-@contextmanager
-def in_the_loop(recording: Any, config: Any, options: Any, path: Path) -> Iterator[Any]:
-    """A block is drawn before the filter goes on."""
-    from pfslam_viz.viewer.drawing import Drawing, send_scene
-    from pfslam_viz.viewer.entities import Entities
-    from pfslam_viz.viewer.framing import Framing
-    from pfslam_viz.viewer.sinks import open_sinks
-
-    with open_sinks(save=path) as sink:
-        drawing = Drawing(recording, config, sink, Entities(), options.max_particles)
-        send_scene([drawing], Framing.of_recording(recording))
-        yield drawing
-
-
-@contextmanager
-def in_a_thread(recording: Any, config: Any, options: Any, path: Path) -> Iterator["ThreadedDrawing"]:
-    """The filter goes on while a block is drawn, as far as the interpreter's lock lets it."""
-    with in_the_loop(recording, config, options, path) as drawing, ThreadPoolExecutor(1) as thread:
-        yield ThreadedDrawing(drawing, thread)
-
-
-WAYS = {"loop": in_the_loop, "thread": in_a_thread}
-
-
 class ThreadedDrawing:
     """Hands everything to a thread."""
 
-    live = False
-
     def __init__(self, drawing: Any, thread: ThreadPoolExecutor) -> None:
-        self._drawing, self._thread = drawing, thread
-        self.before_close = drawing.before_close
+        self.sink, self._drawing, self._thread = drawing.sink, drawing, thread
 
     def draw(self, block: Any, pictures: Sequence[Any]) -> None:
         """Return at once."""

@@ -1,6 +1,6 @@
 """Blocks and pictures as entities of a Rerun recording. Draws what they hold and estimates nothing."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -55,15 +55,6 @@ class Drawing:
         style.style_run(sink, names, color, recording.frames)
         if shared:
             style.style_shared(sink, recording)
-
-    @property
-    def live(self) -> bool:
-        """Whether somebody may be watching: blocks should be short."""
-        return self.sink.live
-
-    def before_close(self, action: Callable[[], None]) -> None:
-        """Call ``action`` before the sink is closed, whatever ends the run."""
-        self.sink.before_close(action)
 
     def draw(self, block: Block | None, pictures: Sequence[Picture]) -> None:
         """Draw the scans and the pictures, and push them to where they go."""

@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.recordings.recording import Recording
+from pfslam_viz.replay import Result
+from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 
 if TYPE_CHECKING:
     import rerun as rr
-
-    from pfslam_viz.replay import Result
-    from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 
 Array = NDArray[np.float64]
 
@@ -64,7 +63,7 @@ class Framing:
         return cls.of_box(np.minimum(low, poses[:, :2].min(axis=0)), np.maximum(high, poses[:, :2].max(axis=0)), aspect)
 
     @classmethod
-    def of_results(cls, results: Sequence["Result"], aspect: float = ASPECT) -> "Framing":
+    def of_results(cls, results: Sequence[Result], aspect: float = ASPECT) -> "Framing":
         """What the run found: the filter's walls, every trajectory, and dead reckoning as far as that is bearable."""
         boxes = [_walls(result.grid) for result in results]
         boxes += [_extent(poses) for r in results for poses in (r.online, r.estimate, r.truth) if poses is not None]
@@ -88,7 +87,7 @@ def _extent(poses: Array) -> tuple[Array, Array] | None:
     return (poses[:, :2].min(axis=0), poses[:, :2].max(axis=0)) if len(poses) else None
 
 
-def _walls(grid: "OccupancyGrid") -> tuple[Array, Array] | None:
+def _walls(grid: OccupancyGrid) -> tuple[Array, Array] | None:
     cells = np.argwhere(grid.occupied)
     if not len(cells):
         return None

@@ -96,7 +96,7 @@ def about_page(recording: Recording, configs: Sequence[Config], left_out: Sequen
         "| recording | |",
         "| --- | --- |",
         f"| format | {recording.format} |",
-        f"| scans | {len(recording):,} of {len(lidar.angles):,} beams |",
+        f"| scans | {len(recording):,} of {recording.ranges.shape[1]:,} beams |",
         f"| span | {recording.duration:.1f} s |",
         f"| lidar | {lidar.range_min:g} to {lidar.range_max:g} m |",
         f"| camera | {camera} |",

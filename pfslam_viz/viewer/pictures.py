@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from pfslam_viz.recordings.images import UnusableImage, read_image
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
+from pfslam_viz.viewer import kernels
 from pfslam_viz.viewer.entities import MAP_Z, TEXTURE_Z
 
 if TYPE_CHECKING:
@@ -120,8 +121,6 @@ def occupancy(log_odds: NDArray[np.float32]) -> tuple[NDArray[np.uint8], slice, 
 
     Where nothing is known, the rows and columns are those of one cell.
     """
-    from pfslam_viz.viewer import kernels
-
     cells, (top, bottom, left, right) = kernels.shade(log_odds, _TABLE, _STEPS, UNKNOWN)
     if bottom < top:
         return cells, slice(0, 1), slice(0, 1)

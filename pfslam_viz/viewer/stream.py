@@ -26,7 +26,7 @@ class ReplayStream:
         """
         self._gatherer, self._drawing, self._alone = gatherer, drawing, alone
         self._flushed = time.monotonic()
-        drawing.before_close(self._close)
+        drawing.sink.before_close(self._close)
 
     @property
     def left_out(self) -> list[str]:
@@ -37,7 +37,7 @@ class ReplayStream:
         """Log one scan. Scans are gathered and drawn in blocks."""
         self._gatherer.add(step)
         now = time.monotonic()
-        if len(self._gatherer) == BLOCK_ROWS or (self._drawing.live and now - self._flushed > LIVE_SECONDS):
+        if len(self._gatherer) == BLOCK_ROWS or (self._drawing.sink.live and now - self._flushed > LIVE_SECONDS):
             self.flush()
             self._flushed = now
 
