@@ -3,6 +3,7 @@
 Nothing heavy is imported here, so that ``--help`` answers at once: a command imports its module when it runs.
 """
 
+import gc
 import sys
 import traceback
 from collections.abc import Sequence
@@ -419,4 +420,5 @@ def _explain(error: Exception, debug: bool) -> tuple[int, str | None]:
 
 def main() -> None:
     """Entry point. Exit status: 0 done, 1 failed while running, 2 wrong use or input, 130 interrupted."""
+    gc.set_threshold(100_000)  # a run's arrays go without the collector, which would walk all that was imported
     sys.exit(call(sys.argv[1:]))

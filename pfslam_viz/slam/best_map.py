@@ -3,7 +3,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pfslam_viz import geometry
 from pfslam_viz.config import Config
 from pfslam_viz.slam.occupancy_grid import Array, OccupancyGrid
 from pfslam_viz.slam.tile_maps import TileMaps
@@ -30,8 +29,7 @@ class BestMap(OccupancyGrid):
 
     def project(self, pose: Array, points: Array) -> tuple[Array, NDArray[np.bool_]]:
         """As in :class:`OccupancyGrid`, straight from the tiles."""
-        world = geometry.transform(pose, points)
-        return world, self._maps.occupied_at(self._index, world)
+        return self._maps.project(self._index, pose, points)
 
     def __getattribute__(self, name: str) -> object:
         if name in LOOKED_AT and super().__getattribute__("_stale"):

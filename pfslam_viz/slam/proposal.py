@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pfslam_viz.slam.tile_maps import Field, Floats, Index, agreement
+from pfslam_viz.slam.tile_kernels import Field, Floats, Index, agreement
 
 
 @njit(cache=True, nogil=True)

@@ -15,7 +15,7 @@ from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.slam.pose_graph import turned
 from pfslam_viz.slam.proposal import propose, spread_points
 from pfslam_viz.slam.protocol import LoopClosure, Match, Scan
-from pfslam_viz.slam.scan_matching import ScanStore, open_direction
+from pfslam_viz.slam.scan_matching import ScanStore, open_direction, within
 from pfslam_viz.slam.smoothing import Smoother
 from pfslam_viz.slam.tile_maps import TileMaps, TileSettings
 from pfslam_viz.slam.worker import Worker
@@ -113,11 +113,9 @@ class RaoBlackwellizedFilter(Belief):
         self._history.add_scan(self._moved)
 
     def _remember(self, scan: Scan) -> None:
-        seen = scan.points - scan.origin
-        near = seen[:, 0] ** 2 + seen[:, 1] ** 2 <= self._settings.max_range**2
         if len(self._scans) == 0:
             self._scans = ScanStore(scan.origin, self._worker)
-        self._scans.add(scan.points[near])
+        self._scans.add(within(scan.points, scan.origin, self._settings.max_range))
 
     def _match_last(self) -> "Motion":
         """Odometry and scans fused: how the robot moved from the last key scan to the scan that came last."""

@@ -144,6 +144,18 @@ def open_direction(information: Array) -> Array | None:
 
 
 @njit(cache=True, nogil=True)
+def within(points: Floats, center: Floats, distance: float) -> Floats:
+    """Those of the points (m, 2) that lie at most ``distance`` from ``center`` (2,), (k, 2)."""
+    out = np.empty_like(points)
+    k = 0
+    for b in range(len(points)):
+        if (points[b, 0] - center[0]) ** 2 + (points[b, 1] - center[1]) ** 2 <= distance**2:
+            out[k] = points[b]
+            k += 1
+    return out[:k]
+
+
+@njit(cache=True, nogil=True)
 def wall_normals(points: Floats, sensor: Floats, reach: float) -> Floats:
     """Unit normals (m, 2), towards the lidar, of the wall through each end point and its neighbours in ``reach`` m.
 

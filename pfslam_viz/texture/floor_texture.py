@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pfslam_viz.config import TextureConfig
 from pfslam_viz.robot import CameraGeometry
-from pfslam_viz.texture.kernels import collect
+from pfslam_viz.texture.kernels import collect, merge
 from pfslam_viz.texture.kinect import FloorView
 
 MARGIN_CELLS = 64  # grown beyond what is asked for, so that growing stays rare
@@ -87,11 +87,7 @@ class FloorTexture:
         seen = self._patch[first_row : last_row + 1, first_column : last_column + 1]
         row, column = top + first_row + self.origin[0], left + first_column + self.origin[1]
         here = slice(row, row + seen.shape[0]), slice(column, column + seen.shape[1])
-        self._sum[here] += seen[..., :3]
-        self.weight[here] += seen[..., 3]
-        mean = self._sum[here] / np.maximum(self.weight[here], 1.0)[..., None]
-        self.color[here] = np.rint(mean)
-        return int(np.count_nonzero(seen[..., 3]))
+        return merge(seen, self._sum[here], self.weight[here], self.color[here])
 
     def aligned(self, shape: tuple[int, int], origin: tuple[int, int]) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """Colour and weight as seen on another grid of the same cells: copies of ``shape``, cropped or padded."""

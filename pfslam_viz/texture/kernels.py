@@ -1,4 +1,4 @@
-"""The loop over the pixels of a frame."""
+"""The loops over the pixels of a frame, and over the cells that they fell into."""
 
 import math
 
@@ -56,7 +56,8 @@ def collect(  # type: ignore[no-untyped-def]
             d = disparity[v, u]
             if d < low[v, u] or d > high[v, u]:
                 continue
-            color_column = math.floor(color_columns[u] - color_shifts[d] + np.float32(0.5))
+            # In double precision: numba's floor of a single is a call, which costs as much as the rest of the pixel.
+            color_column = math.floor(color_columns[u] - color_shifts[d] + 0.5)
             if color_column < 0 or color_column >= color.shape[1]:
                 continue
             depth = depths[d]
@@ -87,3 +88,23 @@ def _put(patch: Float32, row: int, column: int, red: int, green: int, blue: int,
     patch[row, column, 1] += np.float32(green)
     patch[row, column, 2] += np.float32(blue)
     patch[row, column, 3] += np.float32(count)
+
+
+@njit(cache=True, nogil=True)
+def merge(patch: Float32, total: Float32, weight: Float32, color: NDArray[np.uint8]) -> int:
+    """Add the sums of a ``patch`` (r, c, 4), as of :func:`collect`, to those of the same cells of a texture.
+
+    ``total`` (r, c, 3) are the texture's sums of red, green and blue, ``weight`` (r, c) its numbers of pixels, ``color``
+    (r, c, 3) the mean colours. Answers how many cells were touched.
+    """
+    touched = 0
+    for i in range(patch.shape[0]):
+        for j in range(patch.shape[1]):
+            if patch[i, j, 3] == 0.0:
+                continue
+            touched += 1
+            weight[i, j] += patch[i, j, 3]
+            for channel in range(3):
+                total[i, j, channel] += patch[i, j, channel]
+                color[i, j, channel] = np.uint8(np.rint(total[i, j, channel] / weight[i, j]))
+    return touched

@@ -57,7 +57,8 @@ class Drawing:
             style.style_shared(sink, recording)
 
     def draw(self, block: Block | None, pictures: Sequence[Picture]) -> None:
-        """Draw the scans and the pictures, and push them to where they go."""
+        """Draw the scans and the pictures, and push them to where they go, once the ones before have got there."""
+        self.sink.check()
         if block is not None:
             self._draw_run(block)
             self._draw_plots(block)
@@ -65,7 +66,7 @@ class Drawing:
                 self._draw_shared(block)
         for picture in pictures:
             self._log(picture)
-        self.sink.check()
+        self.sink.push()
 
     def finish(self, framing: Framing | None, left_out: Sequence[str]) -> None:
         """Everything is drawn: settle the particles' own view; with ``framing``, the pages and the layout too."""

@@ -8,24 +8,41 @@ Positions = NDArray[np.float32]
 
 
 @njit(cache=True, nogil=True)
+def known_box(values: NDArray[np.float32]) -> NDArray[np.int64]:
+    """First row, last row, first column and last column (4,) of the ``values`` that are not 0; where all are, all 0."""
+    rows, columns = values.shape
+    box = np.array([rows, -1, columns, -1])
+    in_column = np.zeros(columns, np.bool_)
+    for i in range(rows):
+        in_row = False
+        for j in range(columns):  # vectorised by the compiler
+            known = values[i, j] != np.float32(0.0)
+            in_column[j] |= known
+            in_row |= known
+        if in_row:
+            box[0], box[1] = min(box[0], i), i
+    for j in range(columns):
+        if in_column[j]:
+            box[2], box[3] = min(box[2], j), j
+    return box if box[1] >= 0 else np.zeros_like(box)
+
+
+@njit(cache=True, nogil=True)
 def shade(
     log_odds: NDArray[np.float32], table: NDArray[np.uint8], steps: float, unknown: int
 ) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
-    """Each cell's entry in ``table`` (256,), and the box that holds the known cells.
+    """The :func:`known_box` of a map, and each of its cells' entry in ``table`` (256,), (rows, columns) of the box.
 
-    An entry stands for 1 / ``steps`` of log-odds, 0 in the middle; cells whose log-odds are 0 become ``unknown``. The
-    box (4,) is first row, last row, first column, last column; the last are before the first where nothing is known.
+    An entry stands for 1 / ``steps`` of log-odds, 0 in the middle; cells whose log-odds are 0 become ``unknown``.
     """
-    rows, columns = log_odds.shape
-    out = np.full((rows, columns), np.uint8(unknown))
-    box = np.array([rows, -1, columns, -1])
-    for i in range(rows):
-        for j in range(columns):
-            value = log_odds[i, j]
+    box = known_box(log_odds)
+    known = log_odds[box[0] : box[1] + 1, box[2] : box[3] + 1]
+    out = np.full(known.shape, np.uint8(unknown))
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            value = known[i, j]
             if value != 0.0:
                 out[i, j] = table[int(min(max(value * steps + 128.5, 0.0), 255.0))]
-                box[0], box[1] = min(box[0], i), i
-                box[2], box[3] = min(box[2], j), max(box[3], j)
     return out, box
 
 

@@ -108,47 +108,42 @@ class FrameBudget:
         self._next = step + max(-(-rest // left), 1)
 
 
-def _box(mask: NDArray[np.bool_]) -> tuple[slice, slice]:
-    """Rows and columns that hold everything in the mask; one cell where nothing is."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    if not len(rows):
-        return slice(0, 1), slice(0, 1)
-    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
-
-
 def occupancy(log_odds: NDArray[np.float32]) -> tuple[NDArray[np.uint8], slice, slice]:
-    """Cells as ROS and Rerun count them: 0 free to 100 occupied, 255 unknown; and the rows and columns that are known.
+    """The known part of a map, as ROS and Rerun count: 0 free to 100 occupied, 255 unknown; and its rows and columns.
 
-    Where nothing is known, the rows and columns are those of one cell.
+    Where nothing is known, it is one cell.
     """
-    cells, (top, bottom, left, right) = kernels.shade(log_odds, _TABLE, _STEPS, UNKNOWN)
-    if bottom < top:
-        return cells, slice(0, 1), slice(0, 1)
-    return cells, slice(int(top), int(bottom) + 1), slice(int(left), int(right) + 1)
+    cells, box = kernels.shade(log_odds, _TABLE, _STEPS, UNKNOWN)
+    return cells, *_slices(box)
 
 
 def grid_map(grid: OccupancyGrid) -> Cells:
     """The known part of the grid. Row 0 is the top in both."""
     cells, rows, columns = occupancy(grid.log_odds)
-    return _placed(cells[rows, columns], grid, rows, columns, MAP_Z)
+    return _placed(cells, grid, rows, columns, MAP_Z)
+
+
+def _slices(box: NDArray[np.int64]) -> tuple[slice, slice]:
+    top, bottom, left, right = box.tolist()
+    return slice(top, bottom + 1), slice(left, right + 1)
 
 
 def _placed(
     values: NDArray[np.uint8], grid: "OccupancyGrid | FloorTexture", rows: slice, columns: slice, z: float
 ) -> Cells:
-    """``values``, cut from ``grid`` at ``rows`` and ``columns``, in their place."""
+    """``values``, those of ``grid`` at ``rows`` and ``columns``, in their place."""
     left, bottom = grid.lower_left
     corner = (left + columns.start * grid.cell, bottom + (grid.shape[0] - rows.stop) * grid.cell, z)
-    return Cells(np.ascontiguousarray(values), grid.cell, corner)
+    return Cells(values, grid.cell, corner)
 
 
 def texture_map(texture: "FloorTexture") -> Cells:
     """The painted part of the floor texture, transparent elsewhere."""
-    painted = texture.weight > 0
-    rows, columns = _box(painted)
-    colors = np.zeros((*painted[rows, columns].shape, 4), np.uint8)
+    rows, columns = _slices(kernels.known_box(texture.weight))
+    painted = texture.weight[rows, columns] > 0
+    colors = np.empty((*painted.shape, 4), np.uint8)
     colors[..., :3] = texture.color[rows, columns]
-    colors[..., 3] = painted[rows, columns] * np.uint8(255)
+    colors[..., 3] = painted * np.uint8(255)
     return _placed(colors, texture, rows, columns, TEXTURE_Z)
 
 

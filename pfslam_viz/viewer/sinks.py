@@ -114,8 +114,14 @@ class Sink:
             if live or not d.live:
                 d.stream.send_blueprint(blueprint, make_active=True, make_default=True)
 
+    def push(self) -> None:
+        """Have what was sent go to its destinations, without waiting for it; :meth:`check` tells of failures."""
+        for d in self._destinations:
+            with suppress(RuntimeError):
+                d.stream.flush(timeout_sec=0.0)
+
     def check(self) -> None:
-        """Push what was sent to its destinations. A viewer, or reader of standard output, that is gone is dropped.
+        """Wait until what was sent is there. A viewer, or reader of standard output, that is gone is dropped.
 
         Raises PfslamError when the file cannot be written, as on a full disk.
         """

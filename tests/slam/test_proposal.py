@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.slam.proposal import propose, spread_points
-from pfslam_viz.slam.tile_maps import TileMaps, TileSettings, agreement
+from pfslam_viz.slam.tile_kernels import agreement
+from pfslam_viz.slam.tile_maps import TileMaps, TileSettings
 
 Array = NDArray[np.float64]
 

@@ -17,6 +17,7 @@ from pfslam_viz.slam.scan_matching import (
     match_pairs,
     open_direction,
     wall_normals,
+    within,
 )
 
 Array = NDArray[np.float64]
@@ -366,3 +367,10 @@ def test_many_pairs_are_matched_as_each_alone() -> None:
         np.testing.assert_array_equal(together.poses[k], alone.poses[0])
         np.testing.assert_array_equal(together.information[k], alone.information[0])
         assert together.overlap[k] == alone.overlap[0] and together.distance[k] == alone.distance[0]
+
+
+def test_points_within_a_distance() -> None:
+    """Of four points 1, 2, 2 and 3 m from (1, 1), in their order; the border belongs to it."""
+    points = np.array([[2.0, 1.0], [1.0, 3.0], [1.0, 4.0], [-1.0, 1.0]])
+    np.testing.assert_array_equal(within(points, np.ones(2), 2.0), points[[0, 1, 3]])
+    assert within(points, np.ones(2), 0.5).shape == within(np.zeros((0, 2)), np.ones(2), 5.0).shape == (0, 2)

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from pfslam_viz import geometry
 from pfslam_viz.config import Config, MapConfig, RaoBlackwellizedConfig
 from pfslam_viz.slam import tile_maps
-from pfslam_viz.slam.tile_maps import REACH, SIZE, TileMaps, TileSettings, agreement, field_kernel
+from pfslam_viz.slam.tile_kernels import REACH, SIZE, agreement, join
+from pfslam_viz.slam.tile_maps import TileMaps, TileSettings, field_kernel
 
 Array = NDArray[np.float64]
 Cell = tuple[int, int]
@@ -329,19 +330,34 @@ def test_log_odds_of_is_a_copy() -> None:
     assert maps.log_odds.max() < 1.0
 
 
-def test_what_is_occupied_at_a_point() -> None:
+def test_points_and_hits_of_one_map() -> None:
     """The wall at (0.525, 0.025) of map 1 alone: inside, beside, in the other map, far away."""
+    here = np.zeros(3)
     maps = TileMaps(2, config())
     maps.draw(np.array([[5.025, 5.025, 0.0], [0.025, 0.025, 0.0]]), np.array([[0.5, 0.0]]), np.zeros(2))
     points = np.array([[0.501, 0.049], [0.549, 0.001], [0.499, 0.02], [0.52, -0.001], [0.3, 0.02], [5.525, 5.025]])
     far = np.array([[-100.0, 0.025], [100.0, 0.025], [0.525, 100.0], [0.525, -100.0]])
-    assert maps.occupied_at(1, points).tolist() == [True, True, False, False, False, False]
-    assert maps.occupied_at(0, points).tolist() == [False] * 5 + [True]
-    assert not maps.occupied_at(1, far).any()
+    assert maps.project(1, here, points)[1].tolist() == [True, True, False, False, False, False]
+    assert maps.project(0, here, points)[1].tolist() == [False] * 5 + [True]
+    assert not maps.project(1, here, far)[1].any()
     log_odds, origin = maps.log_odds_of(1)
-    some = np.random.default_rng(5).uniform(-1, 1, (500, 2)) * 0.4 + [0.4, 0.0]
-    cells = np.array([cell_of(point) for point in some]) + origin
-    np.testing.assert_array_equal(maps.occupied_at(1, some), log_odds[cells[:, 0], cells[:, 1]] > 0)
+    pose = np.array([0.4, 0.1, 2.0])
+    some = np.random.default_rng(5).uniform(-0.5, 0.5, (500, 2))
+    world, hits = maps.project(1, pose, some)
+    np.testing.assert_allclose(world, geometry.transform(pose, some), atol=1e-12)
+    cells = np.array([cell_of(point) for point in geometry.transform(pose, some)]) + origin
+    assert 0 < hits.sum() < len(some)
+    np.testing.assert_array_equal(hits, log_odds[cells[:, 0], cells[:, 1]] > 0)
+    assert maps.project(1, pose, np.zeros((0, 2)))[0].shape == (0, 2)
+
+
+def test_the_joined_tiles() -> None:
+    """Every place of a table of three by two tiles shows its tile, the empty one zeros."""
+    tiles = np.random.default_rng(6).normal(size=(6, SIZE, SIZE)).astype(np.float32)
+    tiles[0] = 0.0
+    table = np.array([[3, 0], [5, 1], [0, 2]], np.int32)
+    expected = np.vstack([np.hstack([tiles[tile] for tile in row]) for row in table])
+    np.testing.assert_array_equal(join(table, tiles), expected)
 
 
 def test_settings_come_from_the_map_and_the_filter() -> None:

@@ -8,13 +8,11 @@ from pfslam_viz.viewer import pictures
 
 
 def test_occupancy_is_counted_as_ros_does():
-    log_odds = np.array([[0.0, np.log(4), -np.log(4), 50.0, -50.0]], np.float32)
+    log_odds = np.array([[0.0, np.log(4), -np.log(4), 0.0, 50.0, -50.0, 0.0]], np.float32)
     values, rows, columns = pictures.occupancy(log_odds)
-    values = values[0]
-    assert (rows, columns) == (slice(0, 1), slice(1, 5))
-    assert values[0] == 255
-    assert values[1:3] == pytest.approx([80, 20], abs=1)  # 4 to 1, and 1 to 4
-    assert list(values[3:]) == [100, 0]
+    assert (rows, columns) == (slice(0, 1), slice(1, 6)) and values.shape == (1, 5)
+    assert values[0, :2] == pytest.approx([80, 20], abs=1)  # 4 to 1, and 1 to 4
+    assert values[0, 2:].tolist() == [255, 100, 0]
 
 
 def test_a_marked_cell_lies_where_it_is_the_right_way_up():

@@ -1,0 +1,41 @@
+"""The viewer's kernels against plain NumPy."""
+
+import numpy as np
+import pytest
+
+from pfslam_viz.viewer import kernels
+
+
+def patchy(rows: slice, columns: slice) -> np.ndarray:
+    """Values up to 12 (beyond the table) in a part of a map, a third of them 0."""
+    rng = np.random.default_rng(8)
+    values = np.zeros((9, 13), np.float32)
+    part = values[rows, columns]
+    part[:] = rng.normal(0.0, 4.0, part.shape) * (rng.random(part.shape) < 0.67)
+    part[0, 0], part[-1, -1], part[0, -1] = 12.0, -12.0, 0.01
+    return values
+
+
+@pytest.mark.parametrize("rows", [slice(0, 9), slice(3, 5), slice(8, 9)])
+@pytest.mark.parametrize("columns", [slice(0, 13), slice(11, 13), slice(4, 7)])
+def test_shade_and_its_box(rows: slice, columns: slice) -> None:
+    """The box is where the part lies, and each known cell's entry that of its level, 12 a unit, the middle at 128."""
+    log_odds = patchy(rows, columns)
+    table = np.random.default_rng(9).integers(0, 101, 256).astype(np.uint8)
+    cells, box = kernels.shade(log_odds, table, 12.0, 255)
+    assert box.tolist() == [rows.start, rows.stop - 1, columns.start, columns.stop - 1]
+    part = log_odds[box[0] : box[1] + 1, box[2] : box[3] + 1]
+    assert np.count_nonzero(part) == np.count_nonzero(log_odds)
+    levels = np.clip(np.floor(part * 12.0 + 128.5), 0, 255).astype(int)
+    np.testing.assert_array_equal(cells, np.where(part == 0, 255, table[levels]))
+
+
+@pytest.mark.parametrize("cell", [(0, 0), (5, 0), (0, 7), (8, 12)])
+def test_the_box_of_one_cell(cell: tuple[int, int]) -> None:
+    values = np.zeros((9, 13), np.float32)
+    values[cell] = -0.1
+    assert kernels.known_box(values).tolist() == [cell[0], cell[0], cell[1], cell[1]]
+
+
+def test_the_box_of_nothing_is_one_cell() -> None:
+    assert kernels.known_box(np.zeros((9, 13), np.float32)).tolist() == [0, 0, 0, 0]
