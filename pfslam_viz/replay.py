@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from pfslam_viz import geometry
 from pfslam_viz.config import Config
 from pfslam_viz.recordings.recording import Recording
+from pfslam_viz.slam.background_grid import BackgroundGrid
 from pfslam_viz.slam.matching_filter import MatchingFilter
 from pfslam_viz.slam.observation import ScanReader
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
@@ -91,7 +91,7 @@ class Replay:
         self.config = config
         self._worker = Worker(cores() if threads is None else threads)
         self.slam = make_slam(config, self._worker)
-        self.dead_reckoning_grid = OccupancyGrid(config.map)
+        self.dead_reckoning_grid = BackgroundGrid(config.map, self._worker)
         self.painter = _painter(recording, config, self.slam.grid.cell) if texture else None
         self.truth = _truth_from_start(recording)
         self._dead_reckoning = recording.dead_reckoning()
@@ -132,14 +132,13 @@ class Replay:
 
     def _steps(self) -> Iterator[Step]:
         """Algorithm 1, scan by scan, with dead reckoning beside it."""
-        recording, slam, worker, painter = self.recording, self.slam, self._worker, self.painter
+        recording, slam, painter = self.recording, self.slam, self.painter
         reader = ScanReader.of(recording.lidar, self.config.observation)
         times = recording.times
         for k in range(self._done, len(recording)):
             clock = _Clock(self._seconds, k)
             scan = reader.read(k, float(recording.stamps[k]), recording.ranges[k])
             reckoned = self._dead_reckoning[k]
-            drawn = worker.defer(partial(self.dead_reckoning_grid.add, reckoned, scan.points, scan.origin))
             if k > 0:  # the first scan is at the origin
                 slam.predict(recording.odometry[k], float(times[k] - times[k - 1]))
             clock.lap("predict")
@@ -151,7 +150,7 @@ class Replay:
             slam.resample()
             estimate = slam.estimate()
             clock.lap("resample")
-            reckoned_end_points = drawn.result()
+            reckoned_end_points = self.dead_reckoning_grid.add(reckoned, scan.points, scan.origin)
             clock.lap("dead_reckoning")
             painted = painter.add_pose(scan.stamp, estimate.mean) if painter else None
             clock.lap("texture")

@@ -302,6 +302,64 @@ def add_scan(
 
 
 @njit(cache=True, nogil=True)
+def add_scans(
+    poses: Floats,
+    points: Floats,
+    first: NDArray[np.int64],
+    sensors: Floats,
+    done: int,
+    log_odds: NDArray[np.float32],
+    occupied: NDArray[np.uint8],
+    touched: NDArray[np.uint8],
+    mark: int,
+    origin_row: int,
+    origin_column: int,
+    cell: float,
+    hit: np.float32,
+    miss: np.float32,
+    bound: np.float32,
+    threshold: np.float32,
+) -> tuple[int, NDArray[np.int64]]:
+    """:func:`add_scan` from scan ``done`` on, until one does not fit; how many are done then, and that one's extent.
+
+    Scan k is seen from ``poses[k]`` of (n, 3) with the lidar at ``sensors[k]`` of (n, 2); rows ``first[k]`` to
+    ``first[k + 1]`` of ``points`` are its. ``mark`` and the n after it must be new to ``touched``.
+    """
+    extent = np.zeros(4, np.int64)
+    for k in range(done, len(poses)):
+        inside, extent, _ = add_scan(
+            poses[k],
+            points[first[k] : first[k + 1]],
+            sensors[k],
+            log_odds,
+            occupied,
+            touched,
+            mark + k,
+            origin_row,
+            origin_column,
+            cell,
+            hit,
+            miss,
+            bound,
+            threshold,
+        )
+        if not inside:
+            return k, extent
+    return len(poses), extent
+
+
+@njit(cache=True, nogil=True)
+def transform(pose: Floats, points: Floats) -> Floats:
+    """Points (m, 2) of the frame of ``pose`` (3,) in the world's: :func:`pfslam_viz.geometry.transform`, sooner."""
+    out = np.empty_like(points)
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    for b in range(len(points)):
+        out[b, 0] = pose[0] + c * points[b, 0] - s * points[b, 1]
+        out[b, 1] = pose[1] + s * points[b, 0] + c * points[b, 1]
+    return out
+
+
+@njit(cache=True, nogil=True)
 def read_scan(
     ranges: NDArray[np.float32], directions: Floats, origin: Floats, shortest: float, longest: float
 ) -> Floats:
@@ -329,4 +387,7 @@ def warm_up() -> None:
     project(np.zeros(3), points, occupied, 2, 2, 1.0)
     one = np.float32(1.0)
     add_scan(np.zeros(3), points, np.zeros(2), grid, occupied, scratch, 1, 2, 2, 1.0, one, one, one, one)
+    first = np.array([0, 1])
+    add_scans(pose, points, first, np.zeros((1, 2)), 0, grid, occupied, scratch, 2, 2, 2, 1.0, one, one, one, one)
+    transform(pose[0], points)
     read_scan(np.ones(1, np.float32), points, np.zeros(2), 0.0, 2.0)

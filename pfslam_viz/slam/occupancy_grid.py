@@ -1,5 +1,6 @@
 """The log-odds occupancy grid, which grows as the robot goes: equations (20) to (29)."""
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -118,6 +119,30 @@ class OccupancyGrid:
             )
             if inside:
                 return world
+            self._grow_to(*extent.tolist())
+
+    def add_all(self, scans: Sequence[tuple[Array, Array, Array]]) -> None:
+        """:meth:`add` up to 200 scans, each with pose, points and sensor, one after the other."""
+        from pfslam_viz.slam import kernels
+
+        poses, points, sensors = zip(*scans, strict=True)
+        first = np.cumsum([0, *(len(p) for p in points)])
+        arrays = np.array(poses), np.concatenate(points), first, np.array(sensors)
+        done = 0
+        while True:
+            done, extent = kernels.add_scans(
+                *arrays,
+                done,
+                self.log_odds,
+                self.occupied,
+                self._scratch.marks,
+                self._scratch.take(len(scans)),
+                *self.origin,
+                self.cell,
+                *self._numbers,
+            )
+            if done == len(scans):
+                return
             self._grow_to(*extent.tolist())
 
     def _grow_to(self, top: int, left: int, bottom: int, right: int) -> None:

@@ -39,11 +39,6 @@ class Task(Generic[T]):
         finally:
             self._done.release()
 
-    @property
-    def begun(self) -> bool:
-        """Whether somebody does it, or did."""
-        return self._begun.locked()
-
     def result(self) -> T:
         """What the work returned or raised; it is done here unless the other thread has begun."""
         self.run()
@@ -60,7 +55,6 @@ class Worker:
         """With fewer than 2 ``threads`` there is no other one: everything is done on the caller's."""
         self._alone = threads < 2
         self._tasks: SimpleQueue[Task[Any] | None] = SimpleQueue()
-        self._deferred: list[Task[Any]] = []
         self._thread: threading.Thread | None = None
 
     def submit(self, work: Callable[[], T]) -> Task[T]:
@@ -70,17 +64,7 @@ class Worker:
             if self._thread is None:
                 self._thread = threading.Thread(target=self._run, name="pfslam", daemon=True)
                 self._thread.start()
-            for queued in (task, *self._deferred):
-                self._tasks.put(queued)
-            self._deferred = []
-        return task
-
-    def defer(self, work: Callable[[], T]) -> Task[T]:
-        """Have ``work`` done behind the next task for the other thread, which is awake then.
-
-        It is done here when its result is asked for before.
-        """
-        self._deferred = [*(task for task in self._deferred if not task.begun), task := Task(work)]
+            self._tasks.put(task)
         return task
 
     def split(self, work: Callable[[slice], T], count: int, *, worth: int, pieces: int = 2) -> list[T]:

@@ -94,8 +94,8 @@ def _put(patch: Float32, row: int, column: int, red: int, green: int, blue: int,
 def merge(patch: Float32, total: Float32, weight: Float32, color: NDArray[np.uint8]) -> int:
     """Add the sums of a ``patch`` (r, c, 4), as of :func:`collect`, to those of the same cells of a texture.
 
-    ``total`` (r, c, 3) are the texture's sums of red, green and blue, ``weight`` (r, c) its numbers of pixels, ``color``
-    (r, c, 3) the mean colours. Answers how many cells were touched.
+    ``total`` (r, c, 3) are the texture's sums of red, green and blue, ``weight`` (r, c) its numbers of pixels,
+    ``color`` (r, c, 3) the mean colours. Answers how many cells were touched.
     """
     touched = 0
     for i in range(patch.shape[0]):

@@ -17,6 +17,7 @@ Images = tuple[NDArray[np.uint16], NDArray[np.uint8]]
 
 FARTHEST_APART = 0.2  # s between the two frames of a pair; a robot that turns has looked elsewhere by then
 AHEAD = 4  # pairs that are read in advance
+READERS = 2  # threads that read: one decodes a pair more slowly than it is painted
 
 
 @dataclass(slots=True)
@@ -120,7 +121,7 @@ class TexturePainter:
     def _images(self, index: int) -> Images:
         """The images of a pair. The next pairs are read meanwhile: decoding costs more than painting."""
         if self._reader is None:
-            self._reader = ThreadPoolExecutor(max_workers=1, thread_name_prefix="frames")
+            self._reader = ThreadPoolExecutor(READERS, thread_name_prefix="frames")
         for k in range(index, min(index + 1 + AHEAD, len(self.pairs))):
             if k not in self._read:
                 color, disparity = self.pairs[k]

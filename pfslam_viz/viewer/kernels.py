@@ -36,11 +36,11 @@ def shade(
     An entry stands for 1 / ``steps`` of log-odds, 0 in the middle; cells whose log-odds are 0 become ``unknown``.
     """
     box = known_box(log_odds)
-    known = log_odds[box[0] : box[1] + 1, box[2] : box[3] + 1]
-    out = np.full(known.shape, np.uint8(unknown))
-    for i in range(out.shape[0]):
-        for j in range(out.shape[1]):
-            value = known[i, j]
+    rows, columns = box[1] - box[0] + 1, box[3] - box[2] + 1
+    out = np.full((rows, columns), np.uint8(unknown))
+    for i in range(rows):
+        for j in range(columns):
+            value = log_odds[box[0] + i, box[2] + j]
             if value != 0.0:
                 out[i, j] = table[int(min(max(value * steps + 128.5, 0.0), 255.0))]
     return out, box

@@ -250,6 +250,40 @@ def test_add_scan_writes_all_or_nothing(reach: float) -> None:
     np.testing.assert_allclose(log_odds, twin, atol=1e-6)
 
 
+def test_add_scans_stops_at_the_first_that_does_not_fit() -> None:
+    """Five scans, the second empty, the fourth beyond the grid: three are written, as one by one, and that one told."""
+    rng = np.random.default_rng(15)
+    poses = np.column_stack([rng.uniform(-0.5, 0.5, (5, 2)), rng.uniform(-3, 3, 5)])
+    sensors, sizes = rng.uniform(-0.2, 0.2, (5, 2)), [40, 0, 60, 30, 50]
+    scans = [rng.uniform(-1, 1, (size, 2)) for size in sizes]
+    scans[3] *= 30.0
+    first, numbers = np.cumsum([0, *sizes]), [np.float32(v) for v in (1.4, 0.9, 100.0, 0.0)]
+
+    def layers() -> list[np.ndarray]:
+        return [np.zeros(SHAPE, np.float32), np.zeros(SHAPE, np.uint8), np.zeros(SHAPE, np.uint8)]
+
+    together, one_by_one = layers(), layers()
+    place = (*ORIGIN, CELL, *numbers)
+    done, extent = kernels.add_scans(poses, np.vstack(scans), first, sensors, 0, *together, 20, *place)
+    for k in range(4):
+        inside, expected, _ = kernels.add_scan(poses[k], scans[k], sensors[k], *one_by_one, k + 1, *place)
+        assert inside == (k < 3)
+    assert done == 3 and extent.tolist() == expected.tolist()
+    for a, b in zip(together[:2], one_by_one[:2], strict=True):
+        np.testing.assert_array_equal(a, b)
+    done, _ = kernels.add_scans(poses, np.vstack(scans), first, sensors, 4, *together, 30, *place)
+    kernels.add_scan(poses[4], scans[4], sensors[4], *one_by_one, 40, *place)
+    assert done == 5
+    np.testing.assert_array_equal(together[0], one_by_one[0])
+
+
+@pytest.mark.parametrize("beams", [0, 1, 200])
+def test_transform(beams: int) -> None:
+    rng = np.random.default_rng(16)
+    pose, points = np.array([0.4, -2.0, 2.2]), rng.normal(size=(beams, 2))
+    np.testing.assert_allclose(kernels.transform(pose, points), geometry.transform(pose, points), atol=1e-12)
+
+
 @pytest.mark.parametrize("beams", [0, 1, 200])
 def test_read_scan(beams: int) -> None:
     rng = np.random.default_rng(9)

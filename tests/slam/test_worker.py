@@ -112,37 +112,8 @@ def test_a_task_that_has_begun_is_waited_for() -> None:
     worker.close()
 
 
-def test_a_deferred_task_follows_the_next_one() -> None:
-    worker, order = Worker(), []
-    deferred = worker.defer(lambda: (order.append("deferred"), here())[1])
-    assert not deferred.begun
-    worker.submit(lambda: order.append("next"))  # not asked for, or this thread might do it
-    while not deferred.begun:
-        time.sleep(0.001)
-    assert deferred.result() != here()
-    assert order == ["next", "deferred"]
-    worker.close()
-
-
-def test_a_deferred_task_is_done_here_when_its_result_is_asked_for_before(worker: Worker) -> None:
-    calls: list[tuple[str, str]] = []
-
-    def note(name: str) -> int:
-        calls.append((name, here()))
-        return 7
-
-    names = ("first", "second", "third")
-    for name in names:
-        assert worker.defer(partial(note, name)).result() == 7
-    assert len(worker._deferred) == 1  # those that are done do not heap up
-    worker.submit(here).result()
-    worker.close()
-    assert calls == [(name, here()) for name in names]  # each once
-
-
-@pytest.mark.parametrize("way", ["submit", "defer"])
-def test_a_task_hands_on_its_failure(worker: Worker, way: str) -> None:
-    task = getattr(worker, way)(lambda: 1 / 0)
+def test_a_task_hands_on_its_failure(worker: Worker) -> None:
+    task = worker.submit(lambda: 1 / 0)
     for _ in range(2):
         with pytest.raises(ZeroDivisionError):
             task.result()

@@ -1,0 +1,47 @@
+"""An occupancy grid that is drawn beside the loop."""
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pfslam_viz.config import MapConfig
+from pfslam_viz.slam.occupancy_grid import OccupancyGrid
+from pfslam_viz.slam.worker import Task, Worker
+
+Array = NDArray[np.float64]
+Seen = tuple[Array, Array, Array]
+
+BATCH = 8  # scans that are handed over at a time: waking a thread costs as much as drawing one
+
+
+class BackgroundGrid(OccupancyGrid):
+    """An :class:`OccupancyGrid` whose scans a worker's other thread draws, some at a time; looked at, it has them all.
+
+    For a map that is drawn by every scan and looked at by few, as dead reckoning's.
+    """
+
+    def __init__(self, config: MapConfig, worker: Worker) -> None:
+        self._drawn, self._worker = OccupancyGrid(config), worker
+        self._waiting: list[Seen] = []
+        self._task: Task[None] = Task(lambda: None)
+
+    def __getattr__(self, name: str) -> Any:
+        """What a grid has and this one has not is the drawn one's, with every scan so far."""
+        self._task.result()
+        if self._waiting:
+            waiting, self._waiting = self._waiting, []
+            self._drawn.add_all(waiting)
+        return getattr(self._drawn, name)
+
+    def add(self, pose: Array, points: Array, sensor: Array) -> Array:
+        """As in :class:`OccupancyGrid`; the arrays must not change any more."""
+        from pfslam_viz.slam import kernels
+
+        self._waiting.append((pose, points, sensor))
+        if len(self._waiting) == BATCH:
+            self._task.result()
+            self._task = self._worker.submit(partial(self._drawn.add_all, self._waiting))
+            self._waiting = []
+        return kernels.transform(pose, points)
