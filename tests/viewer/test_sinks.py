@@ -106,6 +106,19 @@ def test_a_url_where_nobody_answers(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_what_was_pushed_gets_there_without_being_waited_for(tmp_path):
+    """The batcher alone would keep it for half a minute."""
+    with open_sinks(save=tmp_path / "out.rrd") as sink:
+        sink.check()
+        before = sink.size
+        sink.log("x", rr.Points3D([[0, 0, 0]]))
+        sink.push()
+        deadline = time.monotonic() + 10
+        while sink.size == before and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert sink.size > before
+
+
 def test_a_viewer_and_a_file_get_the_same(proxy, tmp_path, read_back):
     _, url = proxy
     with open_sinks(save=tmp_path / "out.rrd", connect=url) as sink:
