@@ -338,7 +338,7 @@ def test_points_and_hits_of_one_map() -> None:
     points = np.array([[0.501, 0.049], [0.549, 0.001], [0.499, 0.02], [0.52, -0.001], [0.3, 0.02], [5.525, 5.025]])
     far = np.array([[-100.0, 0.025], [100.0, 0.025], [0.525, 100.0], [0.525, -100.0]])
     height, width = (SIZE * CELL * n for n in maps.table.shape[1:])
-    wrapped = np.array([[-width, 0.0], [width, 0.0], [0.0, height], [0.0, -height]]) + [0.525, 0.025]
+    wrapped = np.array([0.525, 0.025]) + np.array([[-width, 0.0], [width, 0.0], [0.0, height], [0.0, -height]])
     assert maps.project(1, here, points)[1].tolist() == [True, True, False, False, False, False]
     assert maps.project(0, here, points)[1].tolist() == [False] * 5 + [True]
     assert not maps.project(1, here, np.vstack([far, wrapped]))[1].any()
