@@ -323,7 +323,7 @@ def add_scans(
     """:func:`add_scan` from scan ``done`` on, until one does not fit; how many are done then, and that one's extent.
 
     Scan k is seen from ``poses[k]`` of (n, 3) with the lidar at ``sensors[k]`` of (n, 2); rows ``first[k]`` to
-    ``first[k + 1]`` of ``points`` are its. ``mark`` and the n after it must be new to ``touched``.
+    ``first[k + 1]`` of ``points`` are its. ``mark`` to ``mark + n - 1`` must be new to ``touched``.
     """
     extent = np.zeros(4, np.int64)
     for k in range(done, len(poses)):
