@@ -7,11 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz.config import MapConfig
-from pfslam_viz.slam.occupancy_grid import OccupancyGrid
+from pfslam_viz.slam.occupancy_grid import OccupancyGrid, Seen
 from pfslam_viz.slam.worker import Task, Worker
 
 Array = NDArray[np.float64]
-Seen = tuple[Array, Array, Array]
 
 BATCH = 8  # scans that are handed over at a time: waking a thread costs as much as drawing one
 

@@ -6,6 +6,7 @@ and (25).
 """
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -41,6 +42,17 @@ def compose(pose: Floats, increment: Floats) -> Floats:
     out[1] = pose[1] + s * increment[0] + c * increment[1]
     angle = pose[2] + increment[2]
     out[2] = angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
+    return out
+
+
+@njit(cache=True, nogil=True)
+def transform(pose: Floats, points: Floats) -> Floats:
+    """Points (m, 2) of the frame of ``pose`` (3,) in the world's: :func:`pfslam_viz.geometry.transform`, sooner."""
+    out = np.empty_like(points)
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    for b in range(len(points)):
+        out[b, 0] = pose[0] + c * points[b, 0] - s * points[b, 1]
+        out[b, 1] = pose[1] + s * points[b, 0] + c * points[b, 1]
     return out
 
 
@@ -171,16 +183,11 @@ def project(
 ) -> tuple[Floats, NDArray[np.bool_]]:
     """End points (m, 2) in the world from one pose, (23), and whether each falls on an occupied cell."""
     rows, columns = occupied.shape
-    out = np.empty_like(points)
-    hits = np.zeros(len(points), np.bool_)
-    c, s = math.cos(pose[2]), math.sin(pose[2])
+    world, hits = transform(pose, points), np.zeros(len(points), np.bool_)
     for b in range(len(points)):
-        x = pose[0] + c * points[b, 0] - s * points[b, 1]
-        y = pose[1] + s * points[b, 0] + c * points[b, 1]
-        out[b, 0], out[b, 1] = x, y
-        row, column = math.floor(-y / cell) + origin_row, math.floor(x / cell) + origin_column
+        row, column = math.floor(-world[b, 1] / cell) + origin_row, math.floor(world[b, 0] / cell) + origin_column
         hits[b] = 0 <= row < rows and 0 <= column < columns and occupied[row, column] != 0
-    return out, hits
+    return world, hits
 
 
 @njit(cache=True, nogil=True)
@@ -193,14 +200,11 @@ def end_cells(
     column from the cell at the world's origin, so that they hold however the grid grows; the extent (4,) is least row,
     column, greatest row, column.
     """
-    cells, world = np.empty((len(points) + 1, 2), np.int64), np.empty(points.shape)
-    c, s = math.cos(pose[2]), math.sin(pose[2])
+    cells = np.empty((len(points) + 1, 2), np.int64)
+    lidar, world = transform(pose, sensor.reshape(1, 2)), transform(pose, points)
     extent = np.array([2**62, 2**62, -(2**62), -(2**62)])
     for b in range(len(cells)):
-        px, py = (sensor[0], sensor[1]) if b == 0 else (points[b - 1, 0], points[b - 1, 1])
-        x, y = pose[0] + c * px - s * py, pose[1] + s * px + c * py
-        if b > 0:
-            world[b - 1, 0], world[b - 1, 1] = x, y
+        x, y = (lidar[0, 0], lidar[0, 1]) if b == 0 else (world[b - 1, 0], world[b - 1, 1])
         cells[b, 0], cells[b, 1] = math.floor(-y / cell), math.floor(x / cell)
         for axis in range(2):
             extent[axis] = min(extent[axis], cells[b, axis])
@@ -312,18 +316,13 @@ def add_scans(
     occupied: NDArray[np.uint8],
     touched: NDArray[np.uint8],
     mark: int,
-    origin_row: int,
-    origin_column: int,
-    cell: float,
-    hit: np.float32,
-    miss: np.float32,
-    bound: np.float32,
-    threshold: np.float32,
+    *rest: Any,
 ) -> tuple[int, NDArray[np.int64]]:
     """:func:`add_scan` from scan ``done`` on, until one does not fit; how many are done then, and that one's extent.
 
     Scan k is seen from ``poses[k]`` of (n, 3) with the lidar at ``sensors[k]`` of (n, 2); rows ``first[k]`` to
-    ``first[k + 1]`` of ``points`` are its. ``mark`` to ``mark + n - 1`` must be new to ``touched``.
+    ``first[k + 1]`` of ``points`` are its. ``mark`` to ``mark + n - 1`` must be new to ``touched``; the ``rest`` is as
+    for :func:`add_scan`.
     """
     extent = np.zeros(4, np.int64)
     for k in range(done, len(poses)):
@@ -335,28 +334,11 @@ def add_scans(
             occupied,
             touched,
             mark + k,
-            origin_row,
-            origin_column,
-            cell,
-            hit,
-            miss,
-            bound,
-            threshold,
+            *rest,
         )
         if not inside:
             return k, extent
     return len(poses), extent
-
-
-@njit(cache=True, nogil=True)
-def transform(pose: Floats, points: Floats) -> Floats:
-    """Points (m, 2) of the frame of ``pose`` (3,) in the world's: :func:`pfslam_viz.geometry.transform`, sooner."""
-    out = np.empty_like(points)
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    for b in range(len(points)):
-        out[b, 0] = pose[0] + c * points[b, 0] - s * points[b, 1]
-        out[b, 1] = pose[1] + s * points[b, 0] + c * points[b, 1]
-    return out
 
 
 @njit(cache=True, nogil=True)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,6 +11,7 @@ from pfslam_viz.config import MapConfig
 from pfslam_viz.slam.worker import Worker
 
 Array = NDArray[np.float64]
+Seen = tuple[Array, Array, Array]  # a scan: the pose (3,) it is seen from, end points (m, 2), lidar (2,)
 
 MARGIN = 64  # cells grown beyond what is asked for, so that growing stays rare
 WORTH_SHARING = 100  # poses; fewer are counted sooner than another thread wakes
@@ -105,24 +107,13 @@ class OccupancyGrid:
         from pfslam_viz.slam import kernels
 
         while True:
-            inside, extent, world = kernels.add_scan(
-                pose,
-                points,
-                sensor,
-                self.log_odds,
-                self.occupied,
-                self._scratch.marks,
-                self._scratch.take(1),
-                *self.origin,
-                self.cell,
-                *self._numbers,
-            )
+            inside, extent, world = kernels.add_scan(pose, points, sensor, *self._written(1))
             if inside:
                 return world
             self._grow_to(*extent.tolist())
 
-    def add_all(self, scans: Sequence[tuple[Array, Array, Array]]) -> None:
-        """:meth:`add` up to 200 scans, each with pose, points and sensor, one after the other."""
+    def add_all(self, scans: Sequence[Seen]) -> None:
+        """:meth:`add` up to 200 scans, one after the other."""
         from pfslam_viz.slam import kernels
 
         poses, points, sensors = zip(*scans, strict=True)
@@ -130,20 +121,15 @@ class OccupancyGrid:
         arrays = np.array(poses), np.concatenate(points), first, np.array(sensors)
         done = 0
         while True:
-            done, extent = kernels.add_scans(
-                *arrays,
-                done,
-                self.log_odds,
-                self.occupied,
-                self._scratch.marks,
-                self._scratch.take(len(scans)),
-                *self.origin,
-                self.cell,
-                *self._numbers,
-            )
+            done, extent = kernels.add_scans(*arrays, done, *self._written(len(scans)))
             if done == len(scans):
                 return
             self._grow_to(*extent.tolist())
+
+    def _written(self, scans: int) -> tuple[Any, ...]:
+        """What the kernels that write so many scans take of the grid, with marks that are new for each."""
+        marks, first = self._scratch.marks, self._scratch.take(scans)
+        return self.log_odds, self.occupied, marks, first, *self.origin, self.cell, *self._numbers
 
     def _grow_to(self, top: int, left: int, bottom: int, right: int) -> None:
         """Grow until these rows and columns, counted from the origin's cell, are inside.

@@ -10,6 +10,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pfslam_viz.slam.kernels import transform
+
 Floats = NDArray[np.float64]
 Field = NDArray[np.float32]
 Index = NDArray[np.int32]
@@ -38,17 +40,13 @@ def project(
     table: Index, log_odds: Field, origin: NDArray[np.int64], cell: float, pose: Floats, points: Floats
 ) -> tuple[Floats, NDArray[np.bool_]]:
     """End points (m, 2) in the world from one pose, (23), and whether each falls on an occupied cell of one map."""
-    out, hits = np.empty_like(points), np.zeros(len(points), np.bool_)
+    world, hits = transform(pose, points), np.zeros(len(points), np.bool_)
     rows, columns = table.shape[0] << BITS, table.shape[1] << BITS
-    c, s = math.cos(pose[2]), math.sin(pose[2])
     for b in range(len(points)):
-        x = pose[0] + c * points[b, 0] - s * points[b, 1]
-        y = pose[1] + s * points[b, 0] + c * points[b, 1]
-        out[b, 0], out[b, 1] = x, y
-        i, j = math.floor(-y / cell) + origin[0], math.floor(x / cell) + origin[1]
+        i, j = math.floor(-world[b, 1] / cell) + origin[0], math.floor(world[b, 0] / cell) + origin[1]
         if 0 <= i < rows and 0 <= j < columns:
             hits[b] = log_odds[table[i >> BITS, j >> BITS], i & LOW, j & LOW] > 0.0
-    return out, hits
+    return world, hits
 
 
 @njit(cache=True, nogil=True)
