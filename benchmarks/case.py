@@ -120,7 +120,7 @@ def _replay(recording: Any, config: Any, log: bool) -> tuple[float, dict[str, An
     import numpy as np
 
     from pfslam_viz.replay import Replay
-    from pfslam_viz.slam.kernels import warm_up
+    from pfslam_viz.slam.warm_up import warm_up
 
     warm_up()
     for _ in Replay(recording.select(0, 5), config):  # whatever else is compiled or loaded at the first scan

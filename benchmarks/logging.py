@@ -46,7 +46,7 @@ def main(arguments: list[str]) -> None:
 def run(case: Case, way: str) -> None:
     """What ``pfslam-viz replay --save`` does, but for where it draws."""
     from pfslam_viz.replay import Replay
-    from pfslam_viz.slam.kernels import warm_up
+    from pfslam_viz.slam.warm_up import warm_up
     from pfslam_viz.viewer.sinks import open_sinks
     from pfslam_viz.viewer.stream import replay_stream
 

@@ -11,6 +11,7 @@ from benchmarks.literal_filter import LiteralMap, world
 from pfslam_viz.config import Config, load_config
 from pfslam_viz.slam import kernels, resampling
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
+from pfslam_viz.slam.warm_up import warm_up
 
 pytest.importorskip("pytest_benchmark")
 
@@ -20,7 +21,7 @@ Array = NDArray[np.float64]
 
 @pytest.fixture(scope="module")
 def config() -> Config:
-    kernels.warm_up()
+    warm_up()
     return load_config("paper")
 
 

@@ -45,7 +45,7 @@ def results(to_stderr: bool = False) -> Console:
 def load_kernels(quiet: bool = False) -> None:
     """Compile the filter's kernels, or load them from the cache of an earlier run."""
     with status("loading kernels", quiet), announce_compiling(quiet):
-        from pfslam_viz.slam.kernels import warm_up
+        from pfslam_viz.slam.warm_up import warm_up
 
         warm_up()
 

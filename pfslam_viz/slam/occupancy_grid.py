@@ -104,24 +104,24 @@ class OccupancyGrid:
 
         Returns the points in the world, (m, 2).
         """
-        from pfslam_viz.slam import kernels
+        from pfslam_viz.slam import map_kernels
 
         while True:
-            inside, extent, world = kernels.add_scan(pose, points, sensor, *self._written(1))
+            inside, extent, world = map_kernels.add_scan(pose, points, sensor, *self._written(1))
             if inside:
                 return world
             self._grow_to(*extent.tolist())
 
     def add_all(self, scans: Sequence[Seen]) -> None:
         """:meth:`add` up to 200 scans, one after the other."""
-        from pfslam_viz.slam import kernels
+        from pfslam_viz.slam import map_kernels
 
         poses, points, sensors = zip(*scans, strict=True)
         first = np.cumsum([0, *(len(p) for p in points)])
         arrays = np.array(poses), np.concatenate(points), first, np.array(sensors)
         done = 0
         while True:
-            done, extent = kernels.add_scans(*arrays, done, *self._written(len(scans)))
+            done, extent = map_kernels.add_scans(*arrays, done, *self._written(len(scans)))
             if done == len(scans):
                 return
             self._grow_to(*extent.tolist())

@@ -1,0 +1,227 @@
+"""The loops that write scans into an occupancy grid: compiled by numba, arrays in and arrays out.
+
+Each has a plain NumPy twin in ``tests/slam/test_map_kernels.py`` that it must match. Rows and columns are as in
+:mod:`pfslam_viz.slam.kernels`.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pfslam_viz.slam.kernels import Floats, transform
+
+BELOW_HALF = 0.5 - 1e-9  # of a cell; a line's offset is a half, or at least 1 / (2 x its length) away from it
+
+
+@njit(cache=True, nogil=True)
+def end_cells(
+    pose: Floats, points: Floats, sensor: Floats, cell: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
+    """Cells (m + 1, 2) of the lidar and of the end points seen from ``pose``, their extent, and the points (m, 2).
+
+    ``points`` (m, 2) and ``sensor`` (2,) are in the robot's frame; the points come back in the world's. Cells are row,
+    column from the cell at the world's origin, so that they hold however the grid grows; the extent (4,) is least row,
+    column, greatest row, column.
+    """
+    cells = np.empty((len(points) + 1, 2), np.int64)
+    lidar, world = transform(pose, sensor.reshape(1, 2)), transform(pose, points)
+    extent = np.array([2**62, 2**62, -(2**62), -(2**62)])
+    for b in range(len(cells)):
+        x, y = (lidar[0, 0], lidar[0, 1]) if b == 0 else (world[b - 1, 0], world[b - 1, 1])
+        cells[b, 0], cells[b, 1] = math.floor(-y / cell), math.floor(x / cell)
+        for axis in range(2):
+            extent[axis] = min(extent[axis], cells[b, axis])
+            extent[axis + 2] = max(extent[axis + 2], cells[b, axis])
+    return cells, extent, world
+
+
+@njit(cache=True, nogil=True)
+def write_scan(
+    log_odds: NDArray[np.float32],
+    occupied: NDArray[np.uint8],
+    touched: NDArray[np.uint8],
+    mark: int,
+    cells: NDArray[np.int64],
+    origin_row: int,
+    origin_column: int,
+    hit: np.float32,
+    miss: np.float32,
+    bound: np.float32,
+    threshold: np.float32,
+) -> None:
+    """Equations (28) and (29): write one scan into the grid, in place.
+
+    ``cells`` (m + 1, 2) are the lidar's and those of the end points, as :func:`end_cells` gives them, all inside the
+    grid. Cells with an end point gain ``hit``; the other cells of the Bresenham lines towards them, the lidar's
+    included, lose ``miss``. A cell changes once a scan. Log-odds stay within +-``bound``. ``mark`` must be new to
+    ``touched``.
+
+    The cells are those of the lines, but few lines are drawn: as far as the lines of neighbouring beams are at most a
+    cell apart, they cross every cell from the outermost of them to the other. Line after line would visit the cells
+    near the lidar again and again.
+    """
+    columns = log_odds.shape[1]
+    layers = log_odds.ravel(), occupied.ravel(), touched.ravel()
+    values, above, seen = layers
+    this = np.uint8(mark)
+    for b in range(1, len(cells)):
+        i = np.uint64((cells[b, 0] + origin_row) * columns + cells[b, 1] + origin_column)
+        if seen[i] != this:
+            seen[i] = this
+            values[i] = min(values[i] + hit, bound)
+            above[i] = values[i] > threshold
+    start = (cells[0, 0] + origin_row) * columns + cells[0, 1] + origin_column
+    # A stack of bundles of lines side by side, each a part of the one below: how long it is, its least and greatest
+    # slope. The top one ends with the last line; the bottom one has no length.
+    length, least, greatest = np.zeros(len(cells) + 1, np.int64), np.zeros(len(cells) + 1), np.zeros(len(cells) + 1)
+    top = along = 0
+    slope = 0.0
+    for b in range(1, len(cells) + 1):
+        reach, next_along, next_slope, together = 0, 0, 0.0, 0  # after the last beam, everything ends
+        if b < len(cells):
+            down, right = cells[b, 0] - cells[0, 0], cells[b, 1] - cells[0, 1]
+            if b > 1 and cells[b, 0] == cells[b - 1, 0] and cells[b, 1] == cells[b - 1, 1]:
+                continue  # neighbouring beams often end in one cell: the same line again
+            if down == 0 and right == 0:
+                continue
+            if abs(down) > abs(right):
+                reach, next_along, next_slope = abs(down), (columns if down > 0 else -columns), right / abs(down)
+            else:
+                reach, next_along, next_slope = abs(right), (1 if right > 0 else -1), down / abs(right)
+            if next_along == along:
+                together, apart = min(length[top], reach), abs(next_slope - slope)
+                if together * apart > 1.0:
+                    together = int(1.0 / apart)
+        while length[top] > together:  # nothing after this beam is a part of it any more
+            begin = max(length[top - 1], together)
+            _cross(
+                layers,
+                this,
+                columns,
+                start,
+                along,
+                least[top],
+                greatest[top],
+                begin,
+                length[top],
+                miss,
+                bound,
+                threshold,
+            )
+            if length[top - 1] < together:
+                length[top] = together
+            else:
+                top -= 1
+                least[top], greatest[top] = min(least[top], least[top + 1]), max(greatest[top], greatest[top + 1])
+        along, slope = next_along, next_slope
+        if reach > length[top]:
+            top += 1
+            length[top], least[top], greatest[top] = reach, slope, slope
+        else:
+            least[top], greatest[top] = min(least[top], slope), max(greatest[top], slope)
+
+
+@njit(cache=True, nogil=True)
+def _cross(
+    layers: tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint8]],
+    mark: np.uint8,
+    columns: int,
+    start: int,
+    along: int,
+    least: float,
+    greatest: float,
+    begin: int,
+    end: int,
+    miss: np.float32,
+    bound: np.float32,
+    threshold: np.float32,
+) -> None:
+    """A miss in every cell between the lines of two slopes, from ``begin`` to before ``end`` cells ``along`` them.
+
+    ``start`` and ``along`` are in flat indices, ``along`` being the step in the direction in which the lines are
+    longest; a slope is how many rows down, or columns right, they go in each.
+    """
+    values, above, seen = layers
+    across = columns if abs(along) == 1 else 1
+    for k in range(begin, end):
+        first, last = least * k, greatest * k
+        first, last = first + math.copysign(BELOW_HALF, first), last + math.copysign(BELOW_HALF, last)
+        for side in range(int(first), int(last) + 1):  # rounded, halves towards 0: Bresenham's cells
+            i = np.uint64(start + k * along + side * across)
+            if seen[i] != mark:
+                seen[i] = mark
+                values[i] = max(values[i] - miss, -bound)
+                above[i] = values[i] > threshold
+
+
+@njit(cache=True, nogil=True)
+def add_scan(
+    pose: Floats,
+    points: Floats,
+    sensor: Floats,
+    log_odds: NDArray[np.float32],
+    occupied: NDArray[np.uint8],
+    touched: NDArray[np.uint8],
+    mark: int,
+    origin_row: int,
+    origin_column: int,
+    cell: float,
+    hit: np.float32,
+    miss: np.float32,
+    bound: np.float32,
+    threshold: np.float32,
+) -> tuple[bool, NDArray[np.int64], Floats]:
+    """:func:`end_cells`, and :func:`write_scan` if they all lie within the grid's outermost ring.
+
+    Returns whether they do, their extent (4,) from the cell at the world's origin and the points (m, 2) in the world.
+    """
+    cells, extent, world = end_cells(pose, points, sensor, cell)
+    rows, columns = log_odds.shape
+    inside = (
+        extent[0] + origin_row >= 1
+        and extent[1] + origin_column >= 1
+        and extent[2] + origin_row <= rows - 2
+        and extent[3] + origin_column <= columns - 2
+    )
+    if inside:
+        write_scan(log_odds, occupied, touched, mark, cells, origin_row, origin_column, hit, miss, bound, threshold)
+    return inside, extent, world
+
+
+@njit(cache=True, nogil=True)
+def add_scans(
+    poses: Floats,
+    points: Floats,
+    first: NDArray[np.int64],
+    sensors: Floats,
+    done: int,
+    log_odds: NDArray[np.float32],
+    occupied: NDArray[np.uint8],
+    touched: NDArray[np.uint8],
+    mark: int,
+    *rest: Any,
+) -> tuple[int, NDArray[np.int64]]:
+    """:func:`add_scan` from scan ``done`` on, until one does not fit; how many are done then, and that one's extent.
+
+    Scan k is seen from ``poses[k]`` of (n, 3) with the lidar at ``sensors[k]`` of (n, 2); rows ``first[k]`` to
+    ``first[k + 1]`` of ``points`` are its. ``mark`` to ``mark + n - 1`` must be new to ``touched``; the ``rest`` is as
+    for :func:`add_scan`.
+    """
+    extent = np.zeros(4, np.int64)
+    for k in range(done, len(poses)):
+        inside, extent, _ = add_scan(
+            poses[k],
+            points[first[k] : first[k + 1]],
+            sensors[k],
+            log_odds,
+            occupied,
+            touched,
+            mark + k,
+            *rest,
+        )
+        if not inside:
+            return k, extent
+    return len(poses), extent
