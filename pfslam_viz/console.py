@@ -44,10 +44,27 @@ def results(to_stderr: bool = False) -> Console:
 
 def load_kernels(quiet: bool = False) -> None:
     """Compile the filter's kernels, or load them from the cache of an earlier run."""
-    with status("loading kernels", quiet), announce_compiling(quiet):
+    with status("loading kernels", quiet), announce_compiling(quiet), _without_blas():
         from pfslam_viz.slam.warm_up import warm_up
 
         warm_up()
+
+
+@contextmanager
+def _without_blas() -> Iterator[None]:
+    """Spare the import of SciPy's linear algebra, 0.3 s.
+
+    numba asks for it when the first kernel is loaded, for ``np.correlate`` in kernels alone; none here calls that.
+    """
+    name = "scipy.linalg.cython_blas"
+    if name in sys.modules:
+        yield
+        return
+    sys.modules[name] = None  # type: ignore[assignment]  # an import of it raises ImportError
+    try:
+        yield
+    finally:
+        del sys.modules[name]
 
 
 @contextmanager

@@ -86,6 +86,14 @@ def test_start_up_imports_nothing_heavy(statement: str) -> None:
     assert loaded.splitlines()[-1].split() == ["LOADED"]
 
 
+def test_kernels_load_without_scipys_linear_algebra_which_can_be_imported_later() -> None:
+    loaded = python(
+        "import sys\nfrom pfslam_viz.console import load_kernels\nload_kernels(quiet=True)\n"
+        "print('scipy.linalg' in sys.modules)\nimport scipy.linalg.cython_blas as blas\nprint(blas.__name__)"
+    )
+    assert loaded.split() == ["False", "scipy.linalg.cython_blas"]
+
+
 def test_help_names_every_command(run: Run) -> None:
     status, out, err = run("--help")
     assert status == 0, err

@@ -20,7 +20,7 @@ class Ancestry:
         self._positions = np.zeros((window, 0, 2), np.float32)  # rings
         self._parents = np.zeros((window, 0), np.int32)
         self._newest, self._count = -1, 0
-        self._founders = np.zeros(0, np.intp)
+        self._founders = np.zeros(0, np.int64)
 
     def add(self, particles: Array, parents: NDArray[np.intp]) -> int:
         """Take the particles (N, 3) of a scan; the number of distinct founders that they descend from.
@@ -29,22 +29,20 @@ class Ancestry:
         where another number of particles, or parents that do not exist, begin another story.
         """
         n = len(particles)
-        follows = self._count > 0 and self._parents.shape[1] == n == len(parents) and parents.max(initial=0) < n
+        founders, survivors = self._founders, -1
+        if len(founders) == n == len(parents):
+            founders, survivors = kernels.descend(founders, parents)
+        follows = survivors > 0
         if not follows:
             self._positions = np.zeros((self._window, n, 2), np.float32)
             self._parents = np.zeros((self._window, n), np.int32)
             self._newest, self._count = -1, 0
         self._newest, self._count = (self._newest + 1) % self._window, min(self._count + 1, self._window)
         self._positions[self._newest] = particles[:, :2]
-        if not follows:
-            self._founders = np.arange(n)
-            return n
-        self._parents[self._newest] = parents
-        self._founders = self._founders[parents]
-        survivors = int(np.count_nonzero(np.bincount(self._founders)))
-        if survivors == 1:
-            self._founders = np.arange(n)
-        return survivors
+        if follows:
+            self._parents[self._newest] = parents
+        self._founders = founders if survivors > 1 else np.arange(n)
+        return survivors if follows else n
 
     def segments(self) -> NDArray[np.float32]:
         """Pieces (m, 2, 2) of the surviving lineages: from an ancestor's position to its descendant's."""

@@ -50,9 +50,9 @@ class CameraImages:
     def due(self, stamp: float) -> Iterator[tuple[str, Jpeg]]:
         """Kind and JPEG of each image that has come since the last call; the newest where several have."""
         for kind in self._kinds:
-            current = int(np.searchsorted(kind.stamps, stamp, side="right")) - 1
-            if current < kind.next:
+            if kind.next == len(kind.stamps) or stamp < kind.stamps[kind.next]:
                 continue
+            current = int(np.searchsorted(kind.stamps, stamp, side="right")) - 1
             contents = self._decoded(kind, current).result()
             for passed in range(kind.next, current + 1):
                 kind.pending.pop(passed, None)

@@ -27,7 +27,7 @@ def known_box(values: NDArray[np.float32]) -> NDArray[np.int64]:
     return box if box[1] >= 0 else np.zeros_like(box)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath={"nnan"})  # so that least and greatest are vectorised
 def shade(
     log_odds: NDArray[np.float32], table: NDArray[np.uint8], steps: float, unknown: int
 ) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
@@ -37,13 +37,33 @@ def shade(
     """
     box = known_box(log_odds)
     rows, columns = box[1] - box[0] + 1, box[3] - box[2] + 1
-    out = np.full((rows, columns), np.uint8(unknown))
+    out, levels = np.empty((rows, columns), np.uint8), np.empty(columns, np.int32)
+    zero, middle, highest, scale = np.float32(0.0), np.float32(128.5), np.float32(255.0), np.float32(steps)
+    other = np.uint8(unknown)
     for i in range(rows):
+        line = log_odds[box[0] + i, box[2] : box[3] + 1]
         for j in range(columns):
-            value = log_odds[box[0] + i, box[2] + j]
-            if value != 0.0:
-                out[i, j] = table[int(min(max(value * steps + 128.5, 0.0), 255.0))]
+            levels[j] = np.int32(min(max(line[j] * scale + middle, zero), highest))
+        for j in range(columns):
+            out[i, j] = table[np.uint32(levels[j])] if line[j] != zero else other
     return out, box
+
+
+@njit(cache=True, nogil=True)
+def descend(founders: NDArray[np.int64], parents: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
+    """The founder of each particle (N,) whose parent is ``parents[i]``, and how many different ones these are.
+
+    -1 of them where a parent does not exist.
+    """
+    n = len(founders)
+    own, met, count = np.empty(n, np.int64), np.zeros(n, np.bool_), 0
+    for i in range(len(parents)):
+        if not 0 <= parents[i] < n:
+            return own, -1
+        own[i] = founders[parents[i]]
+        count += not met[own[i]]
+        met[own[i]] = True
+    return own, count
 
 
 @njit(cache=True, nogil=True)

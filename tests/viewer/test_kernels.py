@@ -39,3 +39,13 @@ def test_the_box_of_one_cell(cell: tuple[int, int]) -> None:
 
 def test_the_box_of_nothing_is_one_cell() -> None:
     assert kernels.known_box(np.zeros((9, 13), np.float32)).tolist() == [0, 0, 0, 0]
+
+
+def test_descend() -> None:
+    """Founders 7, 7, 8, 9 and parents that leave out the last: 8, 7, 7, 7."""
+    founders = np.array([7, 7, 8, 9]) - 7
+    own, count = kernels.descend(founders, np.array([2, 0, 1, 1]))
+    assert own.tolist() == [1, 0, 0, 0] and count == 2
+    assert kernels.descend(founders, np.arange(4))[1] == 3
+    for nobody in (4, -1):
+        assert kernels.descend(founders, np.array([0, 1, nobody, 2]))[1] == -1
