@@ -215,7 +215,8 @@ def _painter(recording: Recording, config: Config, cell: float) -> "TexturePaint
         return None
     from pfslam_viz.texture import TexturePainter
 
-    return TexturePainter(recording.frames, config.texture, cell)
+    hindsight = config.backend == "rao_blackwellized" and config.smoothing.enabled
+    return TexturePainter(recording.frames, config.texture, cell, keep=hindsight)
 
 
 def _truth_from_start(recording: Recording) -> Array | None:

@@ -17,6 +17,7 @@ Images = tuple[NDArray[np.uint16], NDArray[np.uint8]]
 
 FARTHEST_APART = 0.2  # s between the two frames of a pair; a robot that turns has looked elsewhere by then
 AHEAD = 4  # pairs that are read in advance
+KEPT_BYTES = 192_000_000  # images that wait for the floor to be painted anew: 128 pairs of a Kinect's
 READERS = 2  # threads that read: one decodes a pair more slowly than it is painted
 
 
@@ -53,7 +54,8 @@ class TexturePainter:
     between the scans before and after. Frames that cannot be used are counted in :attr:`skipped`.
     """
 
-    def __init__(self, frames: Frames, config: TextureConfig, cell: float) -> None:
+    def __init__(self, frames: Frames, config: TextureConfig, cell: float, *, keep: bool = False) -> None:
+        """``keep`` the first images, up to :data:`KEPT_BYTES`, so that :meth:`repaint` need not read them again."""
         self.frames = frames
         self.config = config
         self.texture = FloorTexture(frames.camera, config, cell)
@@ -65,6 +67,8 @@ class TexturePainter:
         self._next = 0
         self._last: tuple[float, NDArray[np.float64]] | None = None
         self._read: dict[int, Future[Images]] = {}
+        self._kept: dict[int, Images] = {}
+        self._room = KEPT_BYTES if keep else 0
         self._reader: ThreadPoolExecutor | None = None
 
     def add_pose(self, stamp: float, pose: ArrayLike) -> tuple[int, int] | None:
@@ -103,6 +107,7 @@ class TexturePainter:
     def repaint(self, stamps: ArrayLike, poses: ArrayLike) -> FloorTexture:
         """Paint anew along a whole trajectory, poses (n, 3) at increasing stamps (n,) s, as known in hindsight."""
         fresh = TexturePainter(self.frames, self.config, self.texture.cell)
+        fresh._kept, self._kept = self._kept, {}
         for stamp, pose in zip(np.asarray(stamps, np.float64), np.asarray(poses, np.float64), strict=True):
             fresh.add_pose(float(stamp), pose)
         fresh.finish()
@@ -123,11 +128,17 @@ class TexturePainter:
         if self._reader is None:
             self._reader = ThreadPoolExecutor(READERS, thread_name_prefix="frames")
         for k in range(index, min(index + 1 + AHEAD, len(self.pairs))):
-            if k not in self._read:
+            if k not in self._read and k not in self._kept:
                 color, disparity = self.pairs[k]
                 paths = self.frames.color_paths[color], self.frames.disparity_paths[disparity]
                 self._read[k] = self._reader.submit(read_images, *paths, self.texture.shape_of_images)
-        return self._read.pop(index).result()
+        if index in self._kept:
+            return self._kept.pop(index)
+        images = self._read.pop(index).result()
+        self._room -= sum(image.nbytes for image in images)
+        if self._room >= 0:
+            self._kept[index] = images
+        return images
 
 
 def pair(color_stamps: ArrayLike, disparity_stamps: ArrayLike) -> NDArray[np.intp]:

@@ -14,6 +14,7 @@ from pfslam_viz.simulation.floor import CHECKER, TILE, floor_colors
 from pfslam_viz.simulation.recording import simulate
 from pfslam_viz.simulation.world import World
 from pfslam_viz.texture import FloorTexture, TexturePainter
+from pfslam_viz.texture import painter as painter_module
 from pfslam_viz.texture.painter import pair
 
 CELL = 0.07
@@ -176,6 +177,32 @@ def test_repainting_along_the_same_poses_gives_the_same_floor(office: tuple[Reco
     assert again.frames == 6 and np.array_equal(again.color, painter.texture.color)
     turned = painter.repaint(recording.truth.stamps, recording.truth.poses + np.array([0.0, 0.0, 1.0]))
     assert not np.array_equal(turned.color, painter.texture.color)
+
+
+@pytest.mark.parametrize("keep, room, read_again", [(True, 10, 0), (True, 3, 4), (False, 10, 7)])
+def test_kept_images_are_not_read_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, keep: bool, room: int, read_again: int
+) -> None:
+    """Seven pairs, with room for all of them, for some, or not wanted."""
+    read: list[Path | None] = []
+    original = painter_module.read_images
+
+    def counted(color: Path | None, disparity: Path | None, shape: tuple[int, int]) -> painter_module.Images:
+        read.append(color)
+        return original(color, disparity, shape)
+
+    monkeypatch.setattr(painter_module, "read_images", counted)
+    monkeypatch.setattr(painter_module, "KEPT_BYTES", room * 480 * 640 * 5)
+    stamps = np.arange(0.5, 7.0)
+    painter = TexturePainter(frames_of(tmp_path, stamps.tolist()), TextureConfig(), CELL, keep=keep)
+    poses = np.array([[0.3 * k, 0.0, 0.1 * k] for k in range(8)])
+    for stamp, pose in enumerate(poses):
+        painter.add_pose(stamp, pose)
+    painter.finish()
+    assert len(read) == 7
+    again = painter.repaint(np.arange(8.0), poses)
+    assert len(read) == 7 + read_again and again.frames == 7
+    np.testing.assert_array_equal(again.color, painter.texture.color)
 
 
 def test_twin21_is_painted(shared_data: Path) -> None:
