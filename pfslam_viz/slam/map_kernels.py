@@ -39,6 +39,54 @@ def end_cells(
 
 
 @njit(cache=True, nogil=True)
+def bundles(cells: NDArray[np.int64]) -> tuple[NDArray[np.int64], Floats]:
+    """The lines from the first of the ``cells`` (m + 1, 2) to each of the others, as bundles of lines side by side.
+
+    Bundle k goes on from step ``begin`` to before step ``end`` in the direction ``down``, ``right`` in which its lines
+    are longest: row k of (n, 4). Row k of (n, 2) is its least and greatest slope, in cells beside that direction a
+    step. Its lines, in their order, are at most a cell apart: they cross every cell between the outermost two.
+    """
+    steps, slopes = np.empty((2 * len(cells), 4), np.int64), np.empty((2 * len(cells), 2))
+    # A stack of bundles that have not ended, each a part of the one below it; the lowest has no length.
+    length, least, greatest = np.zeros(len(cells) + 1, np.int64), np.zeros(len(cells) + 1), np.zeros(len(cells) + 1)
+    count = top = down = right = 0
+    slope = 0.0
+    for b in range(1, len(cells) + 1):
+        reach, next_down, next_right, next_slope, together = 0, 0, 0, 0.0, 0  # after the last line, all bundles end
+        if b < len(cells):
+            if b > 1 and cells[b, 0] == cells[b - 1, 0] and cells[b, 1] == cells[b - 1, 1]:
+                continue  # neighbouring beams often end in one cell: the same line again
+            rows, columns = cells[b, 0] - cells[0, 0], cells[b, 1] - cells[0, 1]
+            if rows == 0 and columns == 0:
+                continue
+            if abs(rows) > abs(columns):
+                reach, next_down, next_slope = abs(rows), (1 if rows > 0 else -1), columns / abs(rows)
+            else:
+                reach, next_right, next_slope = abs(columns), (1 if columns > 0 else -1), rows / abs(columns)
+            if next_down == down and next_right == right:
+                together, apart = min(length[top], reach), abs(next_slope - slope)
+                if together * apart > 1.0:
+                    together = int(1.0 / apart)
+        while length[top] > together:  # what goes farther than the next line is beside it ends here
+            begin = max(length[top - 1], together)
+            steps[count, 0], steps[count, 1], steps[count, 2], steps[count, 3] = begin, length[top], down, right
+            slopes[count, 0], slopes[count, 1] = least[top], greatest[top]
+            count += 1
+            if length[top - 1] < together:
+                length[top] = together
+            else:
+                top -= 1
+                least[top], greatest[top] = min(least[top], least[top + 1]), max(greatest[top], greatest[top + 1])
+        down, right, slope = next_down, next_right, next_slope
+        if reach > length[top]:
+            top += 1
+            length[top], least[top], greatest[top] = reach, slope, slope
+        else:
+            least[top], greatest[top] = min(least[top], slope), max(greatest[top], slope)
+    return steps[:count], slopes[:count]
+
+
+@njit(cache=True, nogil=True)
 def write_scan(
     log_odds: NDArray[np.float32],
     occupied: NDArray[np.uint8],
@@ -59,13 +107,10 @@ def write_scan(
     included, lose ``miss``. A cell changes once a scan. Log-odds stay within +-``bound``. ``mark`` must be new to
     ``touched``.
 
-    The cells are those of the lines, but few lines are drawn: as far as the lines of neighbouring beams are at most a
-    cell apart, they cross every cell from the outermost of them to the other. Line after line would visit the cells
-    near the lidar again and again.
+    Line after line would visit the cells near the lidar again and again; bundles of lines visit them about once.
     """
     columns = log_odds.shape[1]
-    layers = log_odds.ravel(), occupied.ravel(), touched.ravel()
-    values, above, seen = layers
+    values, above, seen = log_odds.ravel(), occupied.ravel(), touched.ravel()
     this = np.uint8(mark)
     for b in range(1, len(cells)):
         i = np.uint64((cells[b, 0] + origin_row) * columns + cells[b, 1] + origin_column)
@@ -74,87 +119,19 @@ def write_scan(
             values[i] = min(values[i] + hit, bound)
             above[i] = values[i] > threshold
     start = (cells[0, 0] + origin_row) * columns + cells[0, 1] + origin_column
-    # A stack of bundles of lines side by side, each a part of the one below: how long it is, its least and greatest
-    # slope. The top one ends with the last line; the bottom one has no length.
-    length, least, greatest = np.zeros(len(cells) + 1, np.int64), np.zeros(len(cells) + 1), np.zeros(len(cells) + 1)
-    top = along = 0
-    slope = 0.0
-    for b in range(1, len(cells) + 1):
-        reach, next_along, next_slope, together = 0, 0, 0.0, 0  # after the last beam, everything ends
-        if b < len(cells):
-            down, right = cells[b, 0] - cells[0, 0], cells[b, 1] - cells[0, 1]
-            if b > 1 and cells[b, 0] == cells[b - 1, 0] and cells[b, 1] == cells[b - 1, 1]:
-                continue  # neighbouring beams often end in one cell: the same line again
-            if down == 0 and right == 0:
-                continue
-            if abs(down) > abs(right):
-                reach, next_along, next_slope = abs(down), (columns if down > 0 else -columns), right / abs(down)
-            else:
-                reach, next_along, next_slope = abs(right), (1 if right > 0 else -1), down / abs(right)
-            if next_along == along:
-                together, apart = min(length[top], reach), abs(next_slope - slope)
-                if together * apart > 1.0:
-                    together = int(1.0 / apart)
-        while length[top] > together:  # nothing after this beam is a part of it any more
-            begin = max(length[top - 1], together)
-            _cross(
-                layers,
-                this,
-                columns,
-                start,
-                along,
-                least[top],
-                greatest[top],
-                begin,
-                length[top],
-                miss,
-                bound,
-                threshold,
-            )
-            if length[top - 1] < together:
-                length[top] = together
-            else:
-                top -= 1
-                least[top], greatest[top] = min(least[top], least[top + 1]), max(greatest[top], greatest[top + 1])
-        along, slope = next_along, next_slope
-        if reach > length[top]:
-            top += 1
-            length[top], least[top], greatest[top] = reach, slope, slope
-        else:
-            least[top], greatest[top] = min(least[top], slope), max(greatest[top], slope)
-
-
-@njit(cache=True, nogil=True)
-def _cross(
-    layers: tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint8]],
-    mark: np.uint8,
-    columns: int,
-    start: int,
-    along: int,
-    least: float,
-    greatest: float,
-    begin: int,
-    end: int,
-    miss: np.float32,
-    bound: np.float32,
-    threshold: np.float32,
-) -> None:
-    """A miss in every cell between the lines of two slopes, from ``begin`` to before ``end`` cells ``along`` them.
-
-    ``start`` and ``along`` are in flat indices, ``along`` being the step in the direction in which the lines are
-    longest; a slope is how many rows down, or columns right, they go in each.
-    """
-    values, above, seen = layers
-    across = columns if abs(along) == 1 else 1
-    for k in range(begin, end):
-        first, last = least * k, greatest * k
-        first, last = first + math.copysign(BELOW_HALF, first), last + math.copysign(BELOW_HALF, last)
-        for side in range(int(first), int(last) + 1):  # rounded, halves towards 0: Bresenham's cells
-            i = np.uint64(start + k * along + side * across)
-            if seen[i] != mark:
-                seen[i] = mark
-                values[i] = max(values[i] - miss, -bound)
-                above[i] = values[i] > threshold
+    steps, slopes = bundles(cells)
+    for n in range(len(steps)):
+        begin, end, down, right = steps[n, 0], steps[n, 1], steps[n, 2], steps[n, 3]
+        along, across = down * columns + right, (1 if right == 0 else columns)
+        for k in range(begin, end):
+            first, last = slopes[n, 0] * k, slopes[n, 1] * k
+            first, last = first + math.copysign(BELOW_HALF, first), last + math.copysign(BELOW_HALF, last)
+            for side in range(int(first), int(last) + 1):  # rounded, halves towards 0: Bresenham's cells
+                i = np.uint64(start + k * along + side * across)
+                if seen[i] != this:
+                    seen[i] = this
+                    values[i] = max(values[i] - miss, -bound)
+                    above[i] = values[i] > threshold
 
 
 @njit(cache=True, nogil=True)

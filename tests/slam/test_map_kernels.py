@@ -124,6 +124,17 @@ def test_write_scan_crosses_the_cells_of_every_line(kind: str) -> None:
     np.testing.assert_array_equal(occupied, twin > 0)
 
 
+def test_bundles_of_a_wall() -> None:
+    """A wall of seven cells, two ahead: three lines straight on, and two to each side, one longer than the other."""
+    cells = np.array([[0, 0], *([-2, column] for column in range(-3, 4))])
+    steps, slopes = map_kernels.bundles(cells)
+    found = [(*step, *slope) for step, slope in zip(steps.tolist(), slopes.tolist(), strict=True)]
+    expected = [(0, 2, -1, 0, -1 / 2, 1 / 2)]
+    for side in (-1, 1):
+        expected += [(0, 2, 0, side, -1.0, -2 / 3), (2, 3, 0, side, -2 / 3, -2 / 3)]
+    assert sorted(found) == sorted(expected)
+
+
 def test_write_scan_rounds_half_a_cell_towards_the_start() -> None:
     """Lines to every cell of a square about the lidar, alone: half of them pass between two cells."""
     for row in range(-12, 13):
