@@ -12,7 +12,7 @@ from pfslam_viz.slam.worker import Task, Worker
 
 Array = NDArray[np.float64]
 
-BATCH = 8  # scans that are handed over at a time: waking a thread costs as much as drawing one
+BATCH = 16  # scans that are handed over at a time: waking a thread costs as much as drawing one
 
 
 class BackgroundGrid(OccupancyGrid):
