@@ -1,4 +1,4 @@
-"""Every kernel, called once."""
+"""Every kernel of the paper's filter, called once."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from pfslam_viz.slam import kernels, map_kernels
 
 
 def warm_up() -> None:
-    """Compile every kernel, or load it from the cache of an earlier run."""
+    """Compile every kernel of both modules, or load it from the cache of an earlier run."""
     grid, scratch = np.zeros((4, 4), np.float32), np.zeros((4, 4), np.uint8)
     occupied, points = np.zeros((4, 4), np.uint8), np.zeros((1, 2))
     pose = np.zeros((1, 3))

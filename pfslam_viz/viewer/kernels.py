@@ -51,9 +51,9 @@ def shade(
 
 @njit(cache=True, nogil=True)
 def descend(founders: NDArray[np.int64], parents: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
-    """The founder of each particle (N,) whose parent is ``parents[i]``, and how many different ones these are.
+    """The founders (N,) of the particles that descend from ``parents`` (N,), and how many different ones these are.
 
-    -1 of them where a parent does not exist.
+    ``founders`` (N,), in [0, N), are the parents' own. -1 different ones where a parent does not exist.
     """
     n = len(founders)
     own, met, count = np.empty(n, np.int64), np.zeros(n, np.bool_), 0

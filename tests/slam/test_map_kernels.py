@@ -50,10 +50,17 @@ def write_twin(log_odds: Array, start: Cell, ends: list[Cell], hit: float, miss:
     return np.clip(out, -bound, bound)
 
 
-@pytest.mark.parametrize("beams", [0, 1, 271])
-@pytest.mark.parametrize("reach", [1.5, 30.0])  # m; the grid has about 2 m to every side
-def test_end_cells(beams: int, reach: float) -> None:
-    points = np.random.default_rng(8).uniform(-reach, reach, (beams, 2))
+@pytest.mark.parametrize("kind", ["inside", "outside", "axes", "empty"])
+def test_end_cells(kind: str) -> None:
+    rng = np.random.default_rng(8)
+    points = {
+        "inside": rng.uniform(-1.5, 1.5, (271, 2)),
+        "outside": rng.uniform(-30.0, 30.0, (271, 2)),
+        "axes": np.array(
+            [[1.03, 0.0], [0.0, 1.03], [-1.03, 0.0], [0.0, -1.03], [0.0, 0.0], [0.52, 0.52], [-0.52, 0.52]]
+        ),
+        "empty": np.zeros((0, 2)),
+    }[kind]
     pose, sensor = np.array([0.213, -0.117, 0.4]), np.array([0.3, 0.02])
     cells, extent, world = map_kernels.end_cells(pose, points, sensor, CELL)
     np.testing.assert_allclose(world, geometry.transform(pose, points), atol=1e-12)

@@ -42,8 +42,8 @@ def test_the_box_of_nothing_is_one_cell() -> None:
 
 
 def test_descend() -> None:
-    """Founders 7, 7, 8, 9 and parents that leave out the last: 8, 7, 7, 7."""
-    founders = np.array([7, 7, 8, 9]) - 7
+    """Particles of the founders 0, 0, 1, 2: the last, which is nobody's parent, takes founder 2 with it."""
+    founders = np.array([0, 0, 1, 2])
     own, count = kernels.descend(founders, np.array([2, 0, 1, 1]))
     assert own.tolist() == [1, 0, 0, 0] and count == 2
     assert kernels.descend(founders, np.arange(4))[1] == 3
