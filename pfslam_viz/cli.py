@@ -4,6 +4,7 @@ Nothing heavy is imported here, so that ``--help`` answers at once: a command im
 """
 
 import gc
+import os
 import sys
 import traceback
 from collections.abc import Sequence
@@ -421,7 +422,10 @@ def _explain(error: Exception, debug: bool) -> tuple[int, str | None]:
 def main() -> None:
     """Entry point. Exit status: 0 done, 1 failed while running, 2 wrong use or input, 130 interrupted."""
     # The garbage collector has next to nothing to find here, and would walk all that was imported again and again.
-    gc.set_threshold(100_000)
+    gc.set_threshold(500_000)
+    # Threads of NumPy's and OpenCV's own cost more than they help with arrays of this size: they spin while they wait.
+    for threads in ("OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"):
+        os.environ.setdefault(threads, "1")
     status = call(sys.argv[1:])
     gc.freeze()  # nor as the interpreter ends, which would take half a second
     sys.exit(status)

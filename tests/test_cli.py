@@ -94,6 +94,15 @@ def test_kernels_load_without_scipys_linear_algebra_which_can_be_imported_later(
     assert loaded.split() == ["False", "scipy.linalg.cython_blas"]
 
 
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir() or os.cpu_count() == 1, reason="no threads to be counted")
+def test_numpys_own_threads_are_left_out() -> None:
+    start = "import os, sys\nfrom pfslam_viz import cli\nsys.argv[1:] = ['--version']\n"
+    main = "try: cli.main()\nexcept SystemExit: pass\n"
+    count = "import numpy\nprint(len(os.listdir('/proc/self/task')))"
+    assert python(start + main + count).split()[-1] == "1"
+    assert python(start + count).split()[-1] != "1"  # there are some to be left out
+
+
 def test_help_names_every_command(run: Run) -> None:
     status, out, err = run("--help")
     assert status == 0, err

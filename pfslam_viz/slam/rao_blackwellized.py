@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 GATES = np.array([0.5, 0.3, 0.2, 0.1])  # m: greatest distance of correspondences, iteration after iteration
 DOUBT = 4.0  # how much wider than its noise the odometry's prior is while a scan is matched: wheels also slip
 BEAMS = 200  # end points that are matched with the last key scan, about
+PIECES = 5  # in which particles are shared with the other thread: the fewer there are, the longer one waits for it
 STILL = 1e-4  # m or rad: below it the robot stands
 
 
@@ -174,7 +175,7 @@ class RaoBlackwellizedFilter(Belief):
                 spread,
             )
 
-        found = self._worker.split(part, n, worth=4)
+        found = self._worker.split(part, n, worth=4, pieces=min(n, PIECES))
         means, evidence = (np.concatenate(values) for values in zip(*found, strict=True))
         means[:, 2] = geometry.wrap(means[:, 2])
         self._particles = means

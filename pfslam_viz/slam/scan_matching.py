@@ -217,14 +217,14 @@ def describe(points: Floats, sensor: Floats, reach: float, rows: Singles) -> Non
 
 
 @njit(cache=True, nogil=True)
-def _nearest(bearings: Singles, low: int, high: int, value: float) -> int:
-    while low < high:
-        middle = (low + high) // 2
-        if bearings[middle] < value:
-            low = middle + 1
-        else:
-            high = middle
-    return low
+def _first_from(bearings: Singles, low: int, high: int, value: float, start: int) -> int:
+    """The first of ``low`` to ``high`` whose bearing is at least ``value``, or ``high``, looked for from ``start``."""
+    k = start
+    while k > low and bearings[k - 1] >= value:
+        k -= 1
+    while k < high and bearings[k] < value:
+        k += 1
+    return k
 
 
 @njit(cache=True, nogil=True)
@@ -296,17 +296,17 @@ def match_pairs(
             c, s = math.cos(heading), math.sin(heading)
             h[:, :] = 0.0
             g[:] = 0.0
-            partners, used, sum_distance = 0, 0, 0.0
+            partners, used, sum_distance, middle = 0, 0, 0.0, r0
             for b in range(q0, q1, stride):
                 used += 1
                 ox, oy = c * points[b, 0] - s * points[b, 1], s * points[b, 0] + c * points[b, 1]
                 px, py = x + ox, y + oy
                 lx, ly = px - sensor[0], py - sensor[1]
-                far = math.hypot(lx, ly)
+                far = math.sqrt(lx * lx + ly * ly)
                 bearing = math.atan2(ly, lx)
                 bearing -= 2.0 * math.pi * math.floor((bearing - ahead) / (2.0 * math.pi) + 0.5)
                 best, at = gate * gate, -1
-                middle = _nearest(bearings, r0, r1, bearing)
+                middle = _first_from(bearings, r0, r1, bearing, middle)
                 for side in (-1, 1):  # outwards, as long as a point at that bearing can still be nearer
                     i = middle if side > 0 else middle - 1
                     while r0 <= i < r1:

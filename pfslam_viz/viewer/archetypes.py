@@ -14,6 +14,7 @@ from pfslam_viz.viewer.pictures import Boxes, Cells, Content, Lines
 
 Array = NDArray[np.float64]
 Points = NDArray[np.float32]
+Strips = Sequence[Points] | Points  # polylines (m, 2) each, or (k, m, 2) for all of them
 
 RESOLUTION = 0.01  # m: coordinates are rounded to this, which makes files small
 FEW = 100  # particles that are drawn finely
@@ -80,27 +81,29 @@ def _by_weight(weights: Points, most: int) -> NDArray[np.intp]:
     return order[::-1][:: stride(len(order), most)][::-1]
 
 
-def strips(points: Sequence[Any] | Points, z: float) -> Any:
-    """Polylines as what LineStrips3D takes, without its slow conversion of one strip at a time.
+def strips(groups: Sequence[Strips], z: float) -> Any:
+    """The polylines of all ``groups``, one after the other, at height ``z``, as Rerun stores them.
 
-    ``points`` are (m, 2) each, or (k, m, 2) for all of them.
+    Its own conversion of one strip at a time is slow.
     """
     data_type = rr.components.LineStrip3DBatch._ARROW_DATATYPE
-    if isinstance(points, np.ndarray):  # of equal lengths
-        lengths = np.full(points.shape[0], points.shape[1])
-        joined = points.reshape(-1, 2)
-    else:
-        lengths = np.array([len(p) for p in points], np.intp)
-        joined = np.concatenate(points) if points else np.zeros((0, 2), np.float32)
-    offsets = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
-    flat = lifted(joined, z)
+    points, lengths = [np.zeros((0, 2), np.float32)], [np.zeros(1, np.intp)]
+    for group in groups:
+        if isinstance(group, np.ndarray):  # of equal lengths
+            points.append(group.reshape(-1, 2))
+            lengths.append(np.full(group.shape[0], group.shape[1]))
+        else:
+            points.extend(group)
+            lengths.append(np.array([len(p) for p in group], np.intp))
+    offsets = np.cumsum(np.concatenate(lengths)).astype(np.int32)
+    flat = lifted(np.concatenate(points), z)
     inner = pa.FixedSizeListArray.from_arrays(pa.array(flat.ravel()), type=data_type.value_type)
     return pa.ListArray.from_arrays(pa.array(offsets), inner, type=data_type)
 
 
 def strip_columns(values: Sequence[Any], z: float) -> Any:
     """A polyline (m, 2) a row; none where m is 0."""
-    lines = strips([v for v in values if len(v)], z)
+    lines = strips([[v for v in values if len(v)]], z)
     return rr.LineStrips3D.columns(strips=lines).partition([int(len(v) > 0) for v in values])
 
 
@@ -137,33 +140,45 @@ def scalar_columns(values: Any) -> Any:
     return rr.Scalars.columns(scalars=np.asarray(values, np.float64))
 
 
-def archetype(content: Content) -> Any:
-    """A picture's content as what Rerun shows."""
-    if isinstance(content, Cells):
-        return _grid_map(content)
-    if isinstance(content, Boxes):
-        return rr.Boxes3D(centers=content.centers, half_sizes=content.half_sizes)
-    if isinstance(content, Lines):
-        return rr.LineStrips3D(strips(content.strips, content.z))
-    return rr.EncodedImage(contents=_blob(content.contents), media_type="image/jpeg")
+def picture_columns(contents: Sequence[Content]) -> Any:
+    """What one entity shows, a picture a row: one at least, all of one kind."""
+    rows: list[Any] = list(contents)
+    if isinstance(rows[0], Cells):
+        return _grid_map_columns(rows)
+    if isinstance(rows[0], Boxes):
+        centers, half_sizes = np.concatenate([r.centers for r in rows]), np.concatenate([r.half_sizes for r in rows])
+        return rr.Boxes3D.columns(centers=centers, half_sizes=half_sizes).partition([len(r.centers) for r in rows])
+    if isinstance(rows[0], Lines):
+        lines = strips([r.strips for r in rows], rows[0].z)
+        return rr.LineStrips3D.columns(strips=lines).partition([len(r.strips) for r in rows])
+    types = ["image/jpeg"] * len(rows)
+    return rr.EncodedImage.columns(blob=_blobs([r.contents for r in rows]), media_type=types)
 
 
-def _blob(values: NDArray[np.uint8]) -> Any:
-    """Bytes (m,) as what images take, without the three copies that Rerun makes of an array."""
+def _blobs(rows: Sequence[NDArray[np.uint8]]) -> Any:
+    """Bytes (m,) each as what images take, without the copies that Rerun makes of every array."""
     data_type = rr.components.BlobBatch._ARROW_DATATYPE
-    return pa.ListArray.from_arrays(pa.array([0, len(values)], pa.int32()), pa.array(values), type=data_type)
+    offsets = np.cumsum([0, *(len(row) for row in rows)]).astype(np.int32)
+    values = rows[0] if len(rows) == 1 else np.concatenate(rows)
+    return pa.ListArray.from_arrays(pa.array(offsets), pa.array(values), type=data_type)
 
 
-def _grid_map(cells: Cells) -> Any:
-    height, width = cells.values.shape[:2]
-    gray = cells.values.ndim == 2
-    return rr.GridMap(
-        data=_blob(cells.values.reshape(-1)),
-        format=rr.components.ImageFormat(
-            width=width, height=height, color_model="L" if gray else "RGBA", channel_datatype="U8"
-        ),
-        cell_size=cells.cell,
-        translation=cells.corner,
-        colormap=rr.components.Colormap.RvizMap if gray else None,
-        opacity=None if gray else 0.999,
+def _grid_map_columns(grids: Sequence[Cells]) -> Any:
+    n, gray = len(grids), grids[0].values.ndim == 2
+    formats = [
+        rr.components.ImageFormat(
+            width=grid.values.shape[1],
+            height=grid.values.shape[0],
+            color_model="L" if gray else "RGBA",
+            channel_datatype="U8",
+        )
+        for grid in grids
+    ]
+    return rr.GridMap.columns(
+        data=_blobs([grid.values.reshape(-1) for grid in grids]),
+        format=formats,
+        cell_size=[grid.cell for grid in grids],
+        translation=np.array([grid.corner for grid in grids]),
+        colormap=[rr.components.Colormap.RvizMap] * n if gray else None,
+        opacity=None if gray else [0.999] * n,
     )

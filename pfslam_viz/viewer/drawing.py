@@ -64,8 +64,11 @@ class Drawing:
             self._draw_plots(block)
             if self._shared:
                 self._draw_shared(block)
+        by_path: dict[str, list[Picture]] = {}
         for picture in pictures:
-            self._log(picture)
+            by_path.setdefault(picture.path, []).append(picture)
+        for path, shown in by_path.items():
+            self._draw_pictures(path, shown)
         self.sink.push()
 
     def finish(self, framing: Framing | None, left_out: Sequence[str]) -> None:
@@ -143,10 +146,11 @@ class Drawing:
         for name, values in curves.items():
             self._send(self.entities.plot(name), block, archetypes.scalar_columns(values))
 
-    def _log(self, picture: Picture) -> None:
-        self.logged.add(picture.path)
-        self.sink.set_time(picture.step, picture.seconds)
-        self.sink.log(picture.path, archetypes.archetype(picture.content))
+    def _draw_pictures(self, path: str, pictures: Sequence[Picture]) -> None:
+        """Pictures of one entity, one after the other."""
+        self.logged.add(path)
+        times = archetypes.time_columns([p.step for p in pictures], [p.seconds for p in pictures])
+        self.sink.send_columns(path, times, archetypes.picture_columns([p.content for p in pictures]))
 
 
 def send_scene(drawings: Sequence[Drawing], framing: Framing, left_out: Sequence[str] | None = None) -> None:

@@ -91,16 +91,10 @@ class Sink:
         """Call ``action`` before the destinations are closed, whatever ends the run."""
         self._closers.append(action)
 
-    def log(self, path: str, *archetypes: Any, static: bool = False) -> None:
-        """Log archetypes at the time that :meth:`set_time` set, or static."""
+    def log_static(self, path: str, *archetypes: Any) -> None:
+        """Log archetypes that hold for the whole recording."""
         for d in self._destinations:
-            d.stream.log(path, *archetypes, static=static)
-
-    def set_time(self, step: int, seconds: float) -> None:
-        """The time of what :meth:`log` sends next, on both timelines."""
-        for d in self._destinations:
-            d.stream.set_time("step", sequence=step)
-            d.stream.set_time("time", duration=seconds)
+            d.stream.log(path, *archetypes, static=True)
 
     def send_columns(self, path: str, times: Sequence[rr.TimeColumn], columns: Iterable[Any]) -> None:
         """Send many rows of one entity at once."""

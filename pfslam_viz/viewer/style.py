@@ -1,7 +1,5 @@
 """What is logged once: colours, widths, the robot's shape, the cameras that look down."""
 
-from typing import Any
-
 import numpy as np
 import rerun as rr
 
@@ -24,13 +22,13 @@ CURVES = ("drift", "heading_drift", "error", "n_eff", "spread", "correlation", "
 def style_run(sink: Sink, paths: Entities, color: Color, frames: Frames | None) -> None:
     """Style what one run draws."""
     path, ui = paths.filter, rr.Radius.ui_points
-    _static(sink, path("particles"), rr.Points3D.from_fields(radii=ui(2.0)))
+    sink.log_static(path("particles"), rr.Points3D.from_fields(radii=ui(2.0)))
     wall = rr.Boxes3D.from_fields(colors=entities.WALL, fill_mode=rr.components.FillMode.Solid)
-    _static(sink, path("walls"), wall)
-    _static(sink, path("headings"), rr.Arrows3D.from_fields(radii=ui(0.75)))
-    _static(sink, path("scan/hit"), rr.Points3D.from_fields(colors=entities.HIT, radii=ui(1.75)))
-    _static(sink, path("scan/miss"), rr.Points3D.from_fields(colors=entities.MISS, radii=ui(1.75)))
-    _static(sink, path("correction"), rr.Arrows3D.from_fields(colors=entities.MISS, radii=ui(1.5)))
+    sink.log_static(path("walls"), wall)
+    sink.log_static(path("headings"), rr.Arrows3D.from_fields(radii=ui(0.75)))
+    sink.log_static(path("scan/hit"), rr.Points3D.from_fields(colors=entities.HIT, radii=ui(1.75)))
+    sink.log_static(path("scan/miss"), rr.Points3D.from_fields(colors=entities.MISS, radii=ui(1.75)))
+    sink.log_static(path("correction"), rr.Arrows3D.from_fields(colors=entities.MISS, radii=ui(1.5)))
     for name, line, width in (
         ("degenerate", entities.MISS, 1.5),
         ("lineages", entities.LINEAGE, 0.5),
@@ -38,14 +36,14 @@ def style_run(sink: Sink, paths: Entities, color: Color, frames: Frames | None) 
         ("closures", entities.HINDSIGHT, 1.5),
         ("hindsight", entities.HINDSIGHT, 1.5),
     ):
-        _static(sink, path(name), rr.LineStrips3D.from_fields(colors=line, radii=ui(width)))
+        sink.log_static(path(name), rr.LineStrips3D.from_fields(colors=line, radii=ui(width)))
     _style_trail(sink, path("trajectory"), color)
     _style_robot(sink, path("robot"), color)
-    _static(sink, path("mean"), rr.Points3D([[0, 0, 0]], colors=color, radii=ui(4.0)))
+    sink.log_static(path("mean"), rr.Points3D([[0, 0, 0]], colors=color, radii=ui(4.0)))
     angle = np.linspace(0.0, 2 * np.pi, 65)
     circle = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=-1)
-    _static(sink, path("covariance"), rr.LineStrips3D([circle], colors=color, radii=ui(1.25)))
-    _static(sink, path("follow/close_up"), *overhead_camera((0.0, 0.0), FOLLOW_HEIGHT, aspect=1.0, above=5.0))
+    sink.log_static(path("covariance"), rr.LineStrips3D([circle], colors=color, radii=ui(1.25)))
+    sink.log_static(path("follow/close_up"), *overhead_camera((0.0, 0.0), FOLLOW_HEIGHT, aspect=1.0, above=5.0))
     log_loupe(sink, paths, None)
     if frames is not None:
         _style_camera(sink, path("robot/camera"), frames, color)
@@ -57,7 +55,7 @@ def style_shared(sink: Sink, recording: Recording) -> None:
     """Style what all runs share: dead reckoning and truth."""
     root, color = "world/dead_reckoning", entities.DEAD_RECKONING
     scan = rr.Points3D.from_fields(colors=color, radii=rr.Radius.ui_points(1.75))
-    _static(sink, f"{root}/scan", scan)
+    sink.log_static(f"{root}/scan", scan)
     _style_trail(sink, f"{root}/trajectory", color)
     _style_robot(sink, f"{root}/robot", color)
     _style_curve(sink, "plots/error/dead_reckoning", color, "dead reckoning")
@@ -68,28 +66,24 @@ def style_shared(sink: Sink, recording: Recording) -> None:
 
 def log_framing(sink: Sink, framing: Framing) -> None:
     """Point the overview's camera at a piece of floor."""
-    _static(sink, entities.OVERVIEW, *overhead_camera(framing.center, framing.height, framing.aspect))
+    sink.log_static(entities.OVERVIEW, *overhead_camera(framing.center, framing.height, framing.aspect))
 
 
 def log_loupe(sink: Sink, paths: Entities, spread: float | None) -> None:
     """Let the particles' own view show what a cloud of this standard deviation (m; None: not known yet) needs."""
     height = 1.0 if spread is None else float(np.clip(12.0 * spread, *LOUPE_HEIGHTS))
-    _static(sink, paths.filter("follow/loupe"), *overhead_camera((0.0, 0.0), height, aspect=1.0, above=5.0))
+    sink.log_static(paths.filter("follow/loupe"), *overhead_camera((0.0, 0.0), height, aspect=1.0, above=5.0))
 
 
 def log_page(sink: Sink, path: str, text: str) -> None:
     """A markdown page."""
-    _static(sink, path, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
-
-
-def _static(sink: Sink, path: str, *archetypes: Any) -> None:
-    sink.log(path, *archetypes, static=True)
+    sink.log_static(path, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
 
 
 def _style_trail(sink: Sink, path: str, color: Color, width: float = 1.75) -> None:
     for part in ("done", "open"):
         line = rr.LineStrips3D.from_fields(colors=color, radii=rr.Radius.ui_points(width))
-        _static(sink, f"{path}/{part}", line)
+        sink.log_static(f"{path}/{part}", line)
 
 
 def _style_robot(sink: Sink, path: str, color: Color) -> None:
@@ -99,13 +93,13 @@ def _style_robot(sink: Sink, path: str, color: Color) -> None:
         vertex_normals=np.tile([0.0, 0.0, 1.0], (4, 1)),
         vertex_colors=np.tile([*color, 255], (4, 1)),
     )
-    _static(sink, f"{path}/shape", shape)
+    sink.log_static(f"{path}/shape", shape)
     outline = np.vstack([ROBOT_OUTLINE, ROBOT_OUTLINE[:1]])
-    _static(sink, f"{path}/outline", rr.LineStrips3D([outline], colors=color, radii=rr.Radius.ui_points(1.5)))
+    sink.log_static(f"{path}/outline", rr.LineStrips3D([outline], colors=color, radii=rr.Radius.ui_points(1.5)))
 
 
 def _style_curve(sink: Sink, path: str, color: Color, name: str) -> None:
-    _static(sink, path, rr.SeriesLines(colors=color, widths=1.5, names=name.replace("_", " ")))
+    sink.log_static(path, rr.SeriesLines(colors=color, widths=1.5, names=name.replace("_", " ")))
 
 
 def _style_camera(sink: Sink, path: str, frames: Frames, color: Color) -> None:
@@ -120,4 +114,4 @@ def _style_camera(sink: Sink, path: str, frames: Frames, color: Color) -> None:
         image_plane_distance=0.8,
         color=color,
     )
-    _static(sink, path, rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]), pinhole)
+    sink.log_static(path, rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]), pinhole)

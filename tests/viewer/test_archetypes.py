@@ -79,31 +79,44 @@ def test_poses_turn_about_z():
     assert rows["quaternion"][0][0] == pytest.approx([0, 0, np.sqrt(0.5), np.sqrt(0.5)])
 
 
-def parts(archetype):
-    """What an archetype holds, by component name."""
-    return {
-        c.component_descriptor().component.split(":")[-1]: c.as_arrow_array().to_pylist()
-        for c in archetype.as_component_batches()
-    }
-
-
-@pytest.mark.parametrize(("shape", "model"), [((2, 3), "L"), ((2, 3, 4), "RGBA")])
-def test_cells_become_a_grid_map_row_by_row_from_the_top(shape, model):
-    values = np.arange(np.prod(shape), dtype=np.uint8).reshape(shape)
-    shown = parts(archetypes.archetype(Cells(values, 0.5, (-1.0, 2.0, 0.01))))
-    form = shown["format"][0]
-    assert (form["height"], form["width"]) == (2, 3)
-    assert form["color_model"] == rr.ColorModel[model].value
-    assert shown["data"][0] == list(range(values.size))
-    assert shown["cell_size"] == [0.5]
-    assert shown["translation"][0] == pytest.approx([-1.0, 2.0, 0.01])
+@pytest.mark.parametrize(("depth", "model"), [((), "L"), ((4,), "RGBA")])
+def test_cells_become_grid_maps_row_by_row_from_the_top(depth, model):
+    first, second = (
+        np.arange(np.prod(shape), dtype=np.uint8).reshape(shape) for shape in ((2, 3, *depth), (1, 2, *depth))
+    )
+    shown = columns(
+        archetypes.picture_columns([Cells(first, 0.5, (-1.0, 2.0, 0.01)), Cells(second, 0.25, (3.0, 4.0, 0.5))])
+    )
+    forms = [form for (form,) in shown["format"]]
+    assert [(form["height"], form["width"]) for form in forms] == [(2, 3), (1, 2)]
+    assert [form["color_model"] for form in forms] == [rr.ColorModel[model].value] * 2
+    assert shown["data"] == [[list(range(first.size))], [list(range(second.size))]]
+    assert shown["cell_size"] == [[0.5], [0.25]]
+    np.testing.assert_allclose(shown["translation"], [[[-1.0, 2.0, 0.01]], [[3.0, 4.0, 0.5]]])
     assert ("colormap" in shown) == (model == "L")
+    assert all(len(rows) == 2 and all(len(row) == 1 for row in rows) for rows in shown.values())
 
 
-def test_other_pictures_become_what_they_are():
-    boxes = parts(archetypes.archetype(Boxes(np.full((1, 3), 2.0, np.float32), np.full((1, 3), 0.5, np.float32))))
-    assert boxes["half_sizes"] == [[0.5, 0.5, 0.5]]
-    lines = parts(archetypes.archetype(Lines([np.array([[0.0, 1.0], [2.0, 3.0]], np.float32)], 0.25)))
-    assert lines["strips"] == [[[0.0, 1.0, 0.25], [2.0, 3.0, 0.25]]]
-    image = parts(archetypes.archetype(Jpeg(np.array([255, 216], np.uint8))))
-    assert image["blob"] == [[255, 216]] and image["media_type"] == ["image/jpeg"]
+def test_boxes_are_as_many_a_row_as_the_picture_has():
+    sizes = [2, 0, 1]
+    contents = [Boxes(np.full((n, 3), 2.0 + n, np.float32), np.full((n, 3), 0.5, np.float32)) for n in sizes]
+    shown = columns(archetypes.picture_columns(contents))
+    assert shown["centers"] == [[[4.0] * 3] * 2, [], [[3.0] * 3]]
+    assert [len(row) for row in shown["half_sizes"]] == sizes
+
+
+def test_lines_of_equal_or_different_lengths_lie_at_their_height():
+    different = [np.array([[0, 1], [2, 3]], np.float32), np.array([[4, 5], [6, 7], [8, 9]], np.float32)]
+    equal = np.array([[[1, 1], [2, 2]]], np.float32)
+    shown = columns(archetypes.picture_columns([Lines(different, 0.25), Lines([], 0.25), Lines(equal, 0.25)]))["strips"]
+    assert shown == [
+        [[[0, 1, 0.25], [2, 3, 0.25]], [[4, 5, 0.25], [6, 7, 0.25], [8, 9, 0.25]]],
+        [],
+        [[[1, 1, 0.25], [2, 2, 0.25]]],
+    ]
+
+
+def test_encoded_images_keep_their_bytes():
+    contents = [Jpeg(np.array(values, np.uint8)) for values in ([255, 216], [1, 2, 3])]
+    shown = columns(archetypes.picture_columns(contents))
+    assert shown == {"blob": [[[255, 216]], [[1, 2, 3]]], "media_type": [["image/jpeg"], ["image/jpeg"]]}

@@ -111,7 +111,7 @@ def test_what_was_pushed_gets_there_without_being_waited_for(tmp_path):
     with open_sinks(save=tmp_path / "out.rrd") as sink:
         sink.check()
         before = sink.size
-        sink.log("x", rr.Points3D([[0, 0, 0]]))
+        sink.log_static("x", rr.Points3D([[0, 0, 0]]))
         sink.push()
         deadline = time.monotonic() + 10
         while sink.size == before and time.monotonic() < deadline:
@@ -190,7 +190,7 @@ def test_without_a_file_the_run_goes_on_into_nothing(proxy):
             sink.check()
             time.sleep(0.05)
         send(sink, 50)
-        sink.log("x", rr.Points3D([[0, 0, 0]]))
+        sink.log_static("x", rr.Points3D([[0, 0, 0]]))
         assert sink.size is None
     assert "went away" in sink.messages[0]
 
@@ -241,8 +241,8 @@ def test_standard_output_holds_the_recording_and_nothing_else(tmp_path, read_bac
         import rerun as rr
         from pfslam_viz.viewer.sinks import open_sinks
         with open_sinks(stdout=True) as sink:
-            sink.set_time(3, 0.5)
-            sink.log("points", rr.Points3D([[1, 2, 3]]))
+            times = [rr.TimeColumn("step", sequence=[3]), rr.TimeColumn("time", duration=[0.5])]
+            sink.send_columns("points", times, rr.Points3D.columns(positions=[[1, 2, 3]]))
     """
     with (tmp_path / "out.rrd").open("wb") as out:
         subprocess.run([sys.executable, "-c", textwrap.dedent(script)], stdout=out, check=True)
