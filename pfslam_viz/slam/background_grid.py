@@ -40,7 +40,12 @@ class BackgroundGrid(OccupancyGrid):
 
         self._waiting.append((pose, points, sensor))
         if len(self._waiting) == BATCH:
+            self.catch_up()
+        return kernels.transform(pose, points)
+
+    def catch_up(self) -> None:
+        """Hand over the scans that wait, so that they are drawn when somebody looks."""
+        if self._waiting:
             self._task.result()
             self._task = self._worker.submit(partial(self._drawn.add_all, self._waiting))
             self._waiting = []
-        return kernels.transform(pose, points)

@@ -126,6 +126,9 @@ class OccupancyGrid:
                 return
             self._grow_to(*extent.tolist())
 
+    def catch_up(self) -> None:
+        """Begin to draw what is not drawn yet, if the grid puts that off: somebody will look."""
+
     def _written(self, scans: int) -> tuple[Any, ...]:
         """What the kernels that write so many scans take of the grid, with marks that are new for each."""
         marks, first = self._scratch.marks, self._scratch.take(scans)

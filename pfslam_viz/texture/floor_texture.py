@@ -78,7 +78,8 @@ class FloorTexture:
         top, left = math.floor(-y / self.cell) - half, math.floor(x / self.cell) - half
         first_row, last_row, first_column, last_column = collect(
             self._patch, top, left, self.cell, disparity, color, x, y, math.cos(heading), math.sin(heading),
-            v.rays, v.position, v.low, v.high, v.depths, v.color_columns, v.color_rows, v.color_shifts,
+            v.by_row, v.by_column, v.position, v.tolerance, v.max_range, v.first_row,
+            v.depths, v.color_columns, v.color_rows, v.color_shift,
         )  # fmt: skip
         self.frames += 1
         if last_row < first_row:

@@ -1,7 +1,5 @@
 """The loops over the pixels of a frame, and over the cells that they fell into."""
 
-import math
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -22,72 +20,83 @@ def collect(  # type: ignore[no-untyped-def]
     y: float,
     cos: float,
     sin: float,
-    rays: Float32,
+    by_row: Float32,
+    by_column: Float32,
     position: Array,
-    low: NDArray[np.int32],
-    high: NDArray[np.int32],
+    tolerance: float,
+    max_range: float,
+    first_row: int,
     depths: Float32,
     color_columns: Float32,
     color_rows: NDArray[np.int32],
-    color_shifts: Float32,
+    color_shift: Float32,
 ):
     """Sum up one frame's floor pixels by cell.
 
     ``patch`` (n, n, 4) float32 is overwritten: per cell, the sums of red, green and blue, and the number of pixels. Its
     cell [0, 0] is ``top``, ``left``, counted from the world origin's cell. ``x``, ``y``, ``cos``, ``sin`` are the
-    robot's pose, the arrays from ``rays`` on a :class:`~pfslam_viz.texture.kinect.FloorView`'s. Answers the first and
-    last row and column that were touched (last < first: none).
+    robot's pose, the arguments from ``by_row`` on a :class:`~pfslam_viz.texture.kinect.FloorView`'s. Answers the first
+    and last row and column that were touched (last < first: none).
     """
     patch[:] = 0.0
-    rows, columns = disparity.shape
-    size = patch.shape[0]
-    first_row, last_row, first_column, last_column = size, -1, size, -1
-    # Neighbours often fall into one cell: sums wait in registers until the next cell comes.
-    here_row, here_column, red, green, blue, count = -1, -1, 0, 0, 0, 0
+    cells = patch.reshape(-1, 4)
+    size, columns, width = np.int32(len(patch)), disparity.shape[1], np.int32(color.shape[1])
+    box_top, box_bottom, box_left, box_right = size, np.int32(-1), size, np.int32(-1)
     # A pixel's cell is (down, right) + depth * (its ray, turned), in cells; positive within the patch.
     turn_x, turn_y = np.float32(cos / cell), np.float32(sin / cell)
-    right = (x + cos * position[0] - sin * position[1]) / cell - left
-    down = -(y + sin * position[0] + cos * position[1]) / cell - top
-    for v in range(rows):
-        color_row = color_rows[v]
-        if color_row < 0 or color_row >= color.shape[0]:
+    right = np.float32((x + cos * position[0] - sin * position[1]) / cell - left)
+    down = np.float32(-(y + sin * position[0] + cos * position[1]) / cell - top)
+    least, most = np.float32(position[2] - tolerance), np.float32(position[2] + tolerance)  # below the camera
+    farthest, last, none, one = np.float32(max_range), np.uint16(len(depths) - 1), np.int32(-1), np.int32(1)
+    rounding = np.float32(1.5)  # and then one less: conversion cuts towards zero
+    depth = np.empty(columns, np.float32)
+    row, column, index, color_column = np.empty((4, columns), np.int32)
+    # Neighbours often fall into one cell: sums wait in registers until the next cell comes.
+    here, red, green, blue, count = none, 0, 0, 0, 0
+    for v in range(first_row, len(disparity)):
+        if color_rows[v] < 0 or color_rows[v] >= len(color):
             continue
+        raw, shown, ray = disparity[v], color[color_rows[v]], by_row[v]
         for u in range(columns):
-            d = disparity[v, u]
-            if d < low[v, u] or d > high[v, u]:
+            depth[u] = depths[min(raw[u], last)]
+        for u in range(columns):  # vectorised by the compiler, which is why pixels that are no floor are not skipped
+            ahead = depth[u] * (ray[0] + by_column[0, u])
+            side = depth[u] * (ray[1] + by_column[1, u])
+            below = -depth[u] * (ray[2] + by_column[2, u])
+            row[u] = np.int32(down - (turn_y * ahead + turn_x * side))
+            column[u] = np.int32(right + (turn_x * ahead - turn_y * side))
+            shift = color_shift[0] + color_shift[1] * np.float32(raw[u])
+            color_column[u] = np.int32(color_columns[u] - shift + rounding) - one
+            floor = (depth[u] > 0.0) & (below >= least) & (below <= most) & (ahead <= farthest)
+            inside = (row[u] >= 0) & (row[u] < size) & (column[u] >= 0) & (column[u] < size)
+            colored = (color_column[u] >= 0) & (color_column[u] < width)
+            index[u] = row[u] * size + column[u] if floor & inside & colored else none
+        for u in range(columns):
+            if index[u] < 0:
                 continue
-            # In double precision: numba's floor of a single is a call, which costs as much as the rest of the pixel.
-            color_column = math.floor(color_columns[u] - color_shifts[d] + 0.5)
-            if color_column < 0 or color_column >= color.shape[1]:
-                continue
-            depth = depths[d]
-            ahead, side = depth * rays[v, u, 0], depth * rays[v, u, 1]
-            row = math.floor(down - (turn_y * ahead + turn_x * side))
-            column = math.floor(right + (turn_x * ahead - turn_y * side))
-            if row < 0 or column < 0 or row >= size or column >= size:
-                continue
-            if row != here_row or column != here_column:
+            if index[u] != here:
                 if count > 0:
-                    _put(patch, here_row, here_column, red, green, blue, count)
-                here_row, here_column = row, column
+                    _put(cells[here], red, green, blue, count)
+                here = index[u]
                 red, green, blue, count = 0, 0, 0, 0
-                first_row, last_row = min(first_row, row), max(last_row, row)
-                first_column, last_column = min(first_column, column), max(last_column, column)
-            red += color[color_row, color_column, 0]
-            green += color[color_row, color_column, 1]
-            blue += color[color_row, color_column, 2]
+                box_top, box_bottom = min(box_top, row[u]), max(box_bottom, row[u])
+                box_left, box_right = min(box_left, column[u]), max(box_right, column[u])
+            pixel = shown[np.uint32(color_column[u])]
+            red += pixel[0]
+            green += pixel[1]
+            blue += pixel[2]
             count += 1
     if count > 0:
-        _put(patch, here_row, here_column, red, green, blue, count)
-    return first_row, last_row, first_column, last_column
+        _put(cells[here], red, green, blue, count)
+    return box_top, box_bottom, box_left, box_right
 
 
 @njit(cache=True, nogil=True)
-def _put(patch: Float32, row: int, column: int, red: int, green: int, blue: int, count: int) -> None:
-    patch[row, column, 0] += np.float32(red)
-    patch[row, column, 1] += np.float32(green)
-    patch[row, column, 2] += np.float32(blue)
-    patch[row, column, 3] += np.float32(count)
+def _put(sums: Float32, red: int, green: int, blue: int, count: int) -> None:
+    sums[0] += np.float32(red)
+    sums[1] += np.float32(green)
+    sums[2] += np.float32(blue)
+    sums[3] += np.float32(count)
 
 
 @njit(cache=True, nogil=True)

@@ -27,63 +27,63 @@ def depth_from_disparity(disparity: ArrayLike) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class FloorView:
-    """What of a depth image can be floor, worked out once for a camera: arrays over its (rows, columns) pixels.
+    """Where a camera's pixels look, worked out once, for telling which of them show the floor.
 
     Attributes:
-        rays: (rows, columns, 2) float32 x and y, in the robot's frame, of a point at 1 m depth, from the camera.
-        position: (2,) x and y of the camera in the robot's frame, m.
-        low, high: (rows, columns) int32: a pixel shows floor when low <= disparity <= high.
-        depths: (2048,) float32 m by disparity.
-        color_columns: (columns,) float32 and ``color_rows`` (rows,) int32: the colour pixel of a depth pixel, less
-        color_shifts: (2048,) float32, by which its column moves with the disparity.
+        by_row: (rows, 3) float32, and
+        by_column: (3, columns) float32: the sum of a pixel's two is the point at 1 m depth, from the camera, in the
+            robot's axes.
+        position: (3,) the camera's in the robot's frame, m, z from the floor.
+        tolerance: m, floor is as far as this from z = 0,
+        max_range: and at most so far ahead of the camera, m.
+        first_row: the first row of pixels that can show floor.
         reach: m, the farthest floor point from the robot's origin.
+        depths: (2048,) float32 m by disparity; 0 where there is none.
+        color_columns: (columns,) float32 and
+        color_rows: (rows,) int32: the colour pixel of a depth pixel, its column less
+        color_shift: (2,) float32, what the column moves by at disparity 0, and with each one more.
     """
 
-    rays: NDArray[np.float32]
+    by_row: NDArray[np.float32]
+    by_column: NDArray[np.float32]
     position: Array
-    low: NDArray[np.int32]
-    high: NDArray[np.int32]
+    tolerance: float
+    max_range: float
+    first_row: int
+    reach: float
     depths: NDArray[np.float32]
     color_columns: NDArray[np.float32]
     color_rows: NDArray[np.int32]
-    color_shifts: NDArray[np.float32]
-    reach: float
+    color_shift: NDArray[np.float32]
 
     @classmethod
     def of(cls, camera: CameraGeometry, tolerance: float, max_range: float) -> "FloorView":
-        """The view of a ``camera`` whose height counts from the floor.
-
-        Floor is what lies within ``tolerance`` m of z = 0 and at most ``max_range`` m ahead of the camera. Whether a
-        point does depends only on pixel and disparity: equations (35) to (37), solved for the disparity.
-        """
+        """The view of a ``camera`` whose height counts from the floor; equations (35) to (37)."""
         k = camera.intrinsics
         u, v = np.arange(k.width, dtype=np.float64), np.arange(k.height, dtype=np.float64)
-        optical = np.stack([*np.meshgrid((u - k.cx) / k.fx, (v - k.cy) / k.fy), np.ones((k.height, k.width))], axis=-1)
         pose = camera.robot_from_optical()
-        rays = optical @ pose[:3, :3].T
-        down, height = -rays[..., 2], float(pose[2, 3])
-        looks_down = down > 1e-9
-        down = np.where(looks_down, down, 1.0)
-        nearest, farthest = (height - tolerance) / down, (height + tolerance) / down
-        ahead = rays[..., 0]
+        rotation, position = pose[:3, :3], pose[:3, 3]
+        by_column = rotation[:, :1] * (u - k.cx) / k.fx
+        by_row = np.outer((v - k.cy) / k.fy, rotation[:, 1]) + rotation[:, 2]
+        depths = depth_from_disparity(np.arange(DISPARITIES))
+        ahead, side, up = by_row.T[:, :, None] + by_column[:, None, :]
+        looks_down = up < -1e-9
+        down = np.where(looks_down, -up, 1.0)
+        farthest = (position[2] + tolerance) / down
         farthest = np.where(ahead > 1e-9, np.minimum(farthest, max_range / np.maximum(ahead, 1e-9)), farthest)
-        # Depth grows with disparity.
-        low = np.ceil((3.31 - 1.03 / np.maximum(nearest, 1e-3)) / 0.00304)
-        high = np.floor((3.31 - 1.03 / np.maximum(farthest, 1e-3)) / 0.00304)
-        low = np.where(looks_down & (nearest > 0), np.maximum(low, 0), DISPARITIES).astype(np.int32)
-        high = np.where(farthest > 0, np.minimum(high, DISPARITIES - 2), -1).astype(np.int32)
-        shown = low <= high
-        disparity = np.arange(DISPARITIES)
-        depths = depth_from_disparity(disparity)
-        ends = rays[..., :2] * depths[np.clip(high, 0, DISPARITIES - 1)][..., None] + pose[:2, 3]
+        shown = looks_down & (farthest >= np.maximum((position[2] - tolerance) / down, depths[0]))
+        ends = np.hypot(ahead * farthest + position[0], side * farthest + position[1])
+        shift = 4.5 * 1750.46 * inverse_depth([0.0, 1.0]) / COLOR_SCALE
         return cls(
-            rays=np.ascontiguousarray(rays[..., :2], dtype=np.float32),
-            position=pose[:2, 3].copy(),
-            low=low,
-            high=high,
-            depths=depths.astype(np.float32),
+            by_row=by_row.astype(np.float32),
+            by_column=by_column.astype(np.float32),
+            position=position.copy(),
+            tolerance=tolerance,
+            max_range=max_range,
+            first_row=int(np.argmax(shown.any(axis=1))),
+            reach=float(ends[shown].max(initial=0.0)),
+            depths=np.where(np.isfinite(depths), depths, 0.0).astype(np.float32),
             color_columns=((COLOR_FOCAL * u + 19276.0) / COLOR_SCALE).astype(np.float32),
             color_rows=np.rint((COLOR_FOCAL * v + 16662.0) / COLOR_SCALE).astype(np.int32),
-            color_shifts=(4.5 * 1750.46 * inverse_depth(disparity) / COLOR_SCALE).astype(np.float32),
-            reach=float(np.hypot(ends[..., 0], ends[..., 1])[shown].max(initial=0.0)),
+            color_shift=np.array([shift[0], shift[1] - shift[0]], np.float32),
         )

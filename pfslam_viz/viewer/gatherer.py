@@ -75,6 +75,9 @@ class Gatherer:
     def add(self, step: Step) -> None:
         """Take a scan, and the pictures that are due."""
         self._last = step
+        maps_due = self._maps.is_due(step.index)
+        if maps_due and self._shared:
+            step.dead_reckoning_grid.catch_up()
         self._counts["particles"] = max(self._counts["particles"], len(step.estimate.weights))
         self._counts["beams"] = max(self._counts["beams"], len(step.end_points))
         lineages = self._ancestry.add(step.estimate.particles, step.estimate.parents)
@@ -82,7 +85,7 @@ class Gatherer:
         if self._lineages.is_due(step.index):
             self._lineages.spend(step.index, 0)
             self._add(self._entities.filter("lineages"), step, Lines(self._ancestry.segments(), LIDAR_Z))
-        if self._maps.is_due(step.index):
+        if maps_due:
             self._maps.spend(step.index, self._add_maps(step, step.grid, step.dead_reckoning_grid))
             if (history := step.estimate.history) is not None:
                 thinned = history[:: stride(len(history), HISTORY_POINTS)]

@@ -109,7 +109,10 @@ def test_colour_is_the_mean_of_all_pixels() -> None:
 
 def test_only_the_floor_is_painted() -> None:
     color = np.full((480, 640, 3), 255, np.uint8)
-    assert texture().add(np.full((480, 640), NOTHING, np.uint16), color, (0, 0, 0)) == 0
+    for tolerance in (0.05, 0.6):  # also where the camera itself would count as floor
+        nothing = np.full((480, 640), NOTHING, np.uint16)
+        nothing[::2], nothing[1::4] = 2048 + 712, 65535  # more than a Kinect delivers
+        assert texture(floor_tolerance=tolerance).add(nothing, color, (0, 0, 0)) == 0
     # A wall that fills the image, 0.6 m away: nothing of it is below 5 cm (the lowest ray is 40° down: 0.5 m at 0.6 m).
     near = round((3.31 - 1.03 / 0.5) / 0.00304)
     assert texture().add(np.full((480, 640), near, np.uint16), color, (0, 0, 0)) == 0

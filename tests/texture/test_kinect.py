@@ -13,27 +13,34 @@ def test_depth_from_disparity_by_hand() -> None:
     assert depth_from_disparity(np.zeros((2, 3), np.uint16)).shape == (2, 3)
 
 
-def test_floor_view_agrees_with_the_height_of_every_point() -> None:
+def test_a_view_has_the_ray_of_every_pixel() -> None:
     camera = load_robot().ground_camera()
     assert camera is not None
     view = FloorView.of(camera, 0.05, 4.0)
-    disparity = np.arange(2048)
-    rng = np.random.default_rng(0)
     pose = camera.robot_from_optical()
+    rng = np.random.default_rng(0)
     for v, u in zip(rng.integers(0, 480, 300), rng.integers(0, 640, 300), strict=True):
-        depth = depth_from_disparity(disparity)
-        with np.errstate(invalid="ignore"):
-            optical = np.stack(
-                [(u - 315.83800193) / 585.05108211 * depth, (v - 242.94140713) / 585.05108211 * depth, depth]
-            )
-            robot = pose[:3, :3] @ optical + pose[:3, 3:]
-            floor = (np.abs(robot[2]) <= 0.05) & (robot[0] - pose[0, 3] <= 4.0) & np.isfinite(depth)
-        assert np.array_equal((view.low[v, u] <= disparity) & (disparity <= view.high[v, u]), floor)
-    assert 4.0 < view.reach < 6.0
+        optical = [(u - 315.83800193) / 585.05108211, (v - 242.94140713) / 585.05108211, 1.0]
+        np.testing.assert_allclose(view.by_row[v] + view.by_column[:, u], pose[:3, :3] @ optical, atol=1e-6)
+    np.testing.assert_array_equal(view.position, pose[:3, 3])
+    assert view.depths[750] == pytest.approx(1.0)
+    assert (view.depths[1089:] == 0).all() and (view.depths[:1089] > 0).all()
+
+
+def test_first_row_and_reach_by_hand() -> None:
+    """With the camera 18 degrees down and 0.507 m high; 4 m ahead of it floor within 5 cm begins at atan(0.457 / 4)."""
+    camera = load_robot().ground_camera()
+    assert camera is not None
+    view = FloorView.of(camera, 0.05, 4.0)
+    # 6.518 degrees down are 11.482 above the optical axis: 585.051 * tan(11.482 deg) = 118.84 rows above 242.94.
+    assert view.first_row == 125
+    # The farthest point is in the image's corner column 639, 4 m ahead: per metre of depth that ray goes 0.5524 to the
+    # side and cos(18 deg) + sin(18 deg) * 118/585 = 1.0133 ahead: 2.18 m aside, 4.333 ahead of the robot's origin.
+    assert view.reach == pytest.approx(np.hypot(4.0 + 0.33276, 4.0 * 0.5524 / 1.0133), abs=0.02)
 
 
 def test_a_camera_that_looks_up_sees_no_floor() -> None:
     camera = load_robot().ground_camera()
     assert camera is not None
     view = FloorView.of(camera.model_copy(update={"pitch": -0.9}), 0.05, 4.0)
-    assert (view.low > view.high).all() and view.reach == 0.0
+    assert view.reach == 0.0
