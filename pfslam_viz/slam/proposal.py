@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from pfslam_viz.slam.tile_kernels import Field, Floats, Index, agreement
 
+MOST_MOVES = 120  # of a search with one step, forth and back along x, y and heading in turn
+
 
 @njit(cache=True, nogil=True)
 def _log_posterior(
@@ -70,20 +72,24 @@ def propose(
         best = _log_posterior(table, field, origin, cell, points, temper, guess, prior, x, y, heading)
         step, turn = steps[0], steps[1]
         for _ in range(halvings + 1):
-            improved = True
-            rounds = 0
-            while improved and rounds < 20:
-                improved = False
-                rounds += 1
-                for move in range(6):
+            move, failed, undone = 0, 0, -1
+            for _ in range(MOST_MOVES):
+                if move == undone:
+                    value = -math.inf  # where it came from
+                else:
                     sign = 1.0 if move % 2 == 0 else -1.0
                     nx = x + sign * step if move < 2 else x
                     ny = y + sign * step if 2 <= move < 4 else y
                     nh = heading + sign * turn if move >= 4 else heading
                     value = _log_posterior(table, field, origin, cell, points, temper, guess, prior, nx, ny, nh)
-                    if value > best:
-                        best, x, y, heading = value, nx, ny, nh
-                        improved = True
+                if value > best:
+                    best, x, y, heading = value, nx, ny, nh
+                    failed, undone = 0, move ^ 1
+                else:
+                    failed += 1
+                    if failed == 6:
+                        break
+                move = (move + 1) % 6
             step, turn = 0.5 * step, 0.5 * turn
         drawn[samples, 0], drawn[samples, 1], drawn[samples, 2] = x, y, heading
         logs[samples] = best
