@@ -39,7 +39,6 @@ class FloorTexture:
         """``camera`` with its height counted from the floor; ``cell`` m."""
         self.cell = cell
         self.view = FloorView.of(camera, config.floor_tolerance, config.max_range)
-        self.shape_of_images = (camera.intrinsics.height, camera.intrinsics.width)
         n = 2 * MARGIN_CELLS
         self.origin = (MARGIN_CELLS, MARGIN_CELLS)
         self.color: NDArray[np.uint8] = np.zeros((n, n, 3), np.uint8)
@@ -70,7 +69,10 @@ class FloorTexture:
         Raises:
             ValueError: if an image is not of that shape and type.
         """
-        check_images(disparity, color, self.shape_of_images)
+        return self.add_cropped(*self.view.crop(disparity, color), pose)
+
+    def add_cropped(self, disparity: NDArray[np.uint16], color: NDArray[np.uint8], pose: ArrayLike) -> int:
+        """The same for images as ``view.crop`` leaves them."""
         x, y, heading = (float(v) for v in np.asarray(pose, dtype=np.float64))
         v = self.view
         # The patch is a square of cells about the robot; its cell [0, 0] is this far from the world origin's cell.
@@ -78,7 +80,7 @@ class FloorTexture:
         top, left = math.floor(-y / self.cell) - half, math.floor(x / self.cell) - half
         first_row, last_row, first_column, last_column = collect(
             self._patch, top, left, self.cell, disparity, color, x, y, math.cos(heading), math.sin(heading),
-            v.by_row, v.by_column, v.position, v.tolerance, v.max_range, v.first_row,
+            v.by_row, v.by_column, v.position, v.tolerance, v.max_range,
             v.depths, v.color_columns, v.color_rows, v.color_shift,
         )  # fmt: skip
         self.frames += 1
@@ -113,16 +115,3 @@ class FloorTexture:
             self.weight = np.pad(self.weight, edges)
             self._sum = np.pad(self._sum, (*edges, (0, 0)))
             self.origin = self.origin[0] + pads[0], self.origin[1] + pads[2]
-
-
-def check_images(disparity: NDArray[np.generic], color: NDArray[np.generic], shape: tuple[int, int]) -> None:
-    """Raise ValueError, which says what is wrong, unless both images are what a Kinect of that shape delivers."""
-    for name, image, want, dtype in (
-        ("disparity", disparity, shape, np.uint16),
-        ("colour", color, (*shape, 3), np.uint8),
-    ):
-        if image.shape != want or image.dtype != dtype:
-            size = " x ".join(str(n) for n in image.shape)
-            raise ValueError(
-                f"the {name} image is {size} {image.dtype}, not {' x '.join(map(str, want))} {dtype.__name__}"
-            )

@@ -25,13 +25,12 @@ def collect(  # type: ignore[no-untyped-def]
     position: Array,
     tolerance: float,
     max_range: float,
-    first_row: int,
     depths: Float32,
     color_columns: Float32,
     color_rows: NDArray[np.int32],
     color_shift: Float32,
 ):
-    """Sum up one frame's floor pixels by cell.
+    """Sum up one frame's floor pixels by cell; both images from the view's first rows on.
 
     ``patch`` (n, n, 4) float32 is overwritten: per cell, the sums of red, green and blue, and the number of pixels. Its
     cell [0, 0] is ``top``, ``left``, counted from the world origin's cell. ``x``, ``y``, ``cos``, ``sin`` are the
@@ -53,7 +52,7 @@ def collect(  # type: ignore[no-untyped-def]
     row, column, index, color_column = np.empty((4, columns), np.int32)
     # Neighbours often fall into one cell: sums wait in registers until the next cell comes.
     here, red, green, blue, count = none, 0, 0, 0, 0
-    for v in range(first_row, len(disparity)):
+    for v in range(len(disparity)):
         if color_rows[v] < 0 or color_rows[v] >= len(color):
             continue
         raw, shown, ray = disparity[v], color[color_rows[v]], by_row[v]

@@ -1,6 +1,7 @@
 """What a Kinect's disparity means: depth, the colour pixel that belongs to it, and whether it shows the floor."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,26 +31,30 @@ class FloorView:
     """Where a camera's pixels look, worked out once, for telling which of them show the floor.
 
     Attributes:
-        by_row: (rows, 3) float32, and
+        shape: rows and columns of both images.
+        first_row: of the depth image; above it no pixel can show floor. Only rows from there on are used, m of them,
+        first_color_row: and those of the colour image from here on.
+        by_row: (m, 3) float32, and
         by_column: (3, columns) float32: the sum of a pixel's two is the point at 1 m depth, from the camera, in the
             robot's axes.
         position: (3,) the camera's in the robot's frame, m, z from the floor.
         tolerance: m, floor is as far as this from z = 0,
         max_range: and at most so far ahead of the camera, m.
-        first_row: the first row of pixels that can show floor.
         reach: m, the farthest floor point from the robot's origin.
         depths: (2048,) float32 m by disparity; 0 where there is none.
         color_columns: (columns,) float32 and
-        color_rows: (rows,) int32: the colour pixel of a depth pixel, its column less
+        color_rows: (m,) int32: the colour pixel of a depth pixel, its row from first_color_row on, its column less
         color_shift: (2,) float32, what the column moves by at disparity 0, and with each one more.
     """
 
+    shape: tuple[int, int]
+    first_row: int
+    first_color_row: int
     by_row: NDArray[np.float32]
     by_column: NDArray[np.float32]
     position: Array
     tolerance: float
     max_range: float
-    first_row: int
     reach: float
     depths: NDArray[np.float32]
     color_columns: NDArray[np.float32]
@@ -74,16 +79,37 @@ class FloorView:
         shown = looks_down & (farthest >= np.maximum((position[2] - tolerance) / down, depths[0]))
         ends = np.hypot(ahead * farthest + position[0], side * farthest + position[1])
         shift = 4.5 * 1750.46 * inverse_depth([0.0, 1.0]) / COLOR_SCALE
+        first = int(np.argmax(shown.any(axis=1)))
+        color_rows = np.rint((COLOR_FOCAL * v + 16662.0) / COLOR_SCALE).astype(np.int32)[first:]
+        first_color_row = max(int(color_rows[0]), 0)
         return cls(
-            by_row=by_row.astype(np.float32),
+            shape=(k.height, k.width),
+            first_row=first,
+            first_color_row=first_color_row,
+            by_row=by_row[first:].astype(np.float32),
             by_column=by_column.astype(np.float32),
             position=position.copy(),
             tolerance=tolerance,
             max_range=max_range,
-            first_row=int(np.argmax(shown.any(axis=1))),
             reach=float(ends[shown].max(initial=0.0)),
             depths=np.where(np.isfinite(depths), depths, 0.0).astype(np.float32),
             color_columns=((COLOR_FOCAL * u + 19276.0) / COLOR_SCALE).astype(np.float32),
-            color_rows=np.rint((COLOR_FOCAL * v + 16662.0) / COLOR_SCALE).astype(np.int32),
+            color_rows=color_rows - np.int32(first_color_row),
             color_shift=np.array([shift[0], shift[1] - shift[0]], np.float32),
         )
+
+    def crop(self, disparity: NDArray[Any], color: NDArray[Any]) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
+        """The rows that are used of both images, as views.
+
+        Raises ValueError, which says what is wrong, unless both are what a Kinect of that shape delivers.
+        """
+        for name, image, want, dtype in (
+            ("disparity", disparity, self.shape, np.uint16),
+            ("colour", color, (*self.shape, 3), np.uint8),
+        ):
+            if image.shape != want or image.dtype != dtype:
+                size = " x ".join(str(n) for n in image.shape)
+                raise ValueError(
+                    f"the {name} image is {size} {image.dtype}, not {' x '.join(map(str, want))} {dtype.__name__}"
+                )
+        return disparity[self.first_row :], color[self.first_color_row :]

@@ -11,13 +11,14 @@ from pfslam_viz import geometry
 from pfslam_viz.config import TextureConfig
 from pfslam_viz.recordings.images import UnusableImage, read_image
 from pfslam_viz.recordings.recording import Frames
-from pfslam_viz.texture.floor_texture import FloorTexture, check_images
+from pfslam_viz.texture.floor_texture import FloorTexture
+from pfslam_viz.texture.kinect import FloorView
 
-Images = tuple[NDArray[np.uint16], NDArray[np.uint8]]
+Images = tuple[NDArray[np.uint16], NDArray[np.uint8]]  # cropped
 
 FARTHEST_APART = 0.2  # s between the two frames of a pair; a robot that turns has looked elsewhere by then
 AHEAD = 4  # pairs that are read in advance
-KEPT_BYTES = 192_000_000  # images that wait for the floor to be painted anew: 128 pairs of a Kinect's
+KEPT_BYTES = 192_000_000  # images that wait for the floor to be painted anew: 173 pairs of a Kinect's
 READERS = 2  # threads that read: one decodes a pair more slowly than it is painted
 
 
@@ -119,7 +120,7 @@ class TexturePainter:
         except UnusableImage as unusable:
             setattr(self.skipped, unusable.reason, getattr(self.skipped, unusable.reason) + 1)
             return False
-        self.texture.add(disparity, color, pose)
+        self.texture.add_cropped(disparity, color, pose)
         self.painted += 1
         return True
 
@@ -131,7 +132,7 @@ class TexturePainter:
             if k not in self._read and k not in self._kept:
                 color, disparity = self.pairs[k]
                 paths = self.frames.color_paths[color], self.frames.disparity_paths[disparity]
-                self._read[k] = self._reader.submit(read_images, *paths, self.texture.shape_of_images)
+                self._read[k] = self._reader.submit(read_images, *paths, self.texture.view)
         if index in self._kept:
             return self._kept.pop(index)
         images = self._read.pop(index).result()
@@ -157,16 +158,12 @@ def pair(color_stamps: ArrayLike, disparity_stamps: ArrayLike) -> NDArray[np.int
     return pairs[np.abs(color - disparity[nearest]) <= FARTHEST_APART]
 
 
-def read_images(color: Path | None, disparity: Path | None, shape: tuple[int, int]) -> Images:
-    """The disparity and the RGB image of a pair, checked to be what a Kinect with images of ``shape`` delivers."""
+def read_images(color: Path | None, disparity: Path | None, view: FloorView) -> Images:
+    """The disparity and the RGB image of a pair, checked and cropped to the rows in which ``view`` can have floor."""
     import cv2
 
-    depth_image, color_image = read_image(disparity), read_image(color)
     try:
-        check_images(depth_image, color_image, shape)
+        depth_image, color_image = view.crop(read_image(disparity), read_image(color))
     except ValueError:
         raise UnusableImage("wrong") from None
-    rgb: NDArray[np.uint8] = np.asarray(
-        cv2.cvtColor(color_image.astype(np.uint8, copy=False), cv2.COLOR_BGR2RGB), np.uint8
-    )
-    return depth_image.astype(np.uint16, copy=False), rgb
+    return depth_image.copy(), np.asarray(cv2.cvtColor(color_image, cv2.COLOR_BGR2RGB), np.uint8)

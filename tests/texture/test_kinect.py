@@ -19,9 +19,9 @@ def test_a_view_has_the_ray_of_every_pixel() -> None:
     view = FloorView.of(camera, 0.05, 4.0)
     pose = camera.robot_from_optical()
     rng = np.random.default_rng(0)
-    for v, u in zip(rng.integers(0, 480, 300), rng.integers(0, 640, 300), strict=True):
+    for v, u in zip(rng.integers(125, 480, 300), rng.integers(0, 640, 300), strict=True):
         optical = [(u - 315.83800193) / 585.05108211, (v - 242.94140713) / 585.05108211, 1.0]
-        np.testing.assert_allclose(view.by_row[v] + view.by_column[:, u], pose[:3, :3] @ optical, atol=1e-6)
+        np.testing.assert_allclose(view.by_row[v - 125] + view.by_column[:, u], pose[:3, :3] @ optical, atol=1e-6)
     np.testing.assert_array_equal(view.position, pose[:3, 3])
     assert view.depths[750] == pytest.approx(1.0)
     assert (view.depths[1089:] == 0).all() and (view.depths[:1089] > 0).all()
@@ -33,7 +33,14 @@ def test_first_row_and_reach_by_hand() -> None:
     assert camera is not None
     view = FloorView.of(camera, 0.05, 4.0)
     # 6.518 degrees down are 11.482 above the optical axis: 585.051 * tan(11.482 deg) = 118.84 rows above 242.94.
-    assert view.first_row == 125
+    assert view.first_row == 125 and view.by_row.shape == (355, 3)
+    # Its colours are (526.37 * 125 + 16662) / 585.051 = 140.9 rows down.
+    assert view.first_color_row == 141 and view.color_rows[0] == 0
+    disparity, color = np.arange(480 * 640, dtype=np.uint16).reshape(480, 640), np.zeros((480, 640, 3), np.uint8)
+    color[141] = 7
+    below, colors = view.crop(disparity, color)
+    np.testing.assert_array_equal(below, disparity[125:])
+    assert colors.shape == (339, 640, 3) and (colors[0] == 7).all()
     # The farthest point is in the image's corner column 639, 4 m ahead: per metre of depth that ray goes 0.5524 to the
     # side and cos(18 deg) + sin(18 deg) * 118/585 = 1.0133 ahead: 2.18 m aside, 4.333 ahead of the robot's origin.
     assert view.reach == pytest.approx(np.hypot(4.0 + 0.33276, 4.0 * 0.5524 / 1.0133), abs=0.02)

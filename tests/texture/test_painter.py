@@ -15,6 +15,7 @@ from pfslam_viz.simulation.recording import simulate
 from pfslam_viz.simulation.world import World
 from pfslam_viz.texture import FloorTexture, TexturePainter
 from pfslam_viz.texture import painter as painter_module
+from pfslam_viz.texture.kinect import FloorView
 from pfslam_viz.texture.painter import pair
 
 CELL = 0.07
@@ -54,7 +55,7 @@ def test_the_pose_is_interpolated_at_the_disparity_stamp(tmp_path: Path, monkeyp
         seen.append((pose.tolist(), color[0, 0].tolist()))
         return 0
 
-    monkeypatch.setattr(FloorTexture, "add", add)
+    monkeypatch.setattr(FloorTexture, "add_cropped", add)
     assert painter.add_pose(1.0, (0.0, 0.0, 3.0)) == (0, 0)  # taken at the very stamp of the scan
     assert painter.add_pose(1.2, (0.4, 0.2, 3.1)) is None
     assert painter.add_pose(1.3, (0.6, 0.2, -3.1)) == (1, 1)
@@ -187,12 +188,12 @@ def test_kept_images_are_not_read_again(
     read: list[Path | None] = []
     original = painter_module.read_images
 
-    def counted(color: Path | None, disparity: Path | None, shape: tuple[int, int]) -> painter_module.Images:
+    def counted(color: Path | None, disparity: Path | None, view: FloorView) -> painter_module.Images:
         read.append(color)
-        return original(color, disparity, shape)
+        return original(color, disparity, view)
 
     monkeypatch.setattr(painter_module, "read_images", counted)
-    monkeypatch.setattr(painter_module, "KEPT_BYTES", room * 480 * 640 * 5)
+    monkeypatch.setattr(painter_module, "KEPT_BYTES", room * (355 * 2 + 339 * 3) * 640)  # the rows that are used
     stamps = np.arange(0.5, 7.0)
     painter = TexturePainter(frames_of(tmp_path, stamps.tolist()), TextureConfig(), CELL, keep=keep)
     poses = np.array([[0.3 * k, 0.0, 0.1 * k] for k in range(8)])
