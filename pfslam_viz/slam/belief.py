@@ -15,7 +15,7 @@ class Belief:
     def __init__(self, count: int, seed: int) -> None:
         self._rng = np.random.default_rng(seed)
         self._particles = np.zeros((count, 3))
-        self._weighed = (self._particles, np.full(count, 1.0 / count))  # as they were before resampling
+        self._weigh(np.full(count, 1.0 / count))
         self._parents = self._drawn = np.arange(count)
         self._informative = self._keyed = True
         self._resampled = False
@@ -23,9 +23,13 @@ class Belief:
 
     @property
     def best(self) -> Array:
-        """(3,) the most likely particle after the last update: the "mode" of section I."""
-        particles, weights = self._weighed
-        return particles[int(np.argmax(weights))].copy()  # a view would keep all particles of its scan alive
+        """(3,) the most likely particle after the last update: the "mode" of section I. Not to be written to."""
+        return self._best
+
+    def _weigh(self, weights: Array) -> None:
+        """The particles have these weights (N,), which sum to 1, until they are weighed again; resampled or not."""
+        self._weighed = (self._particles, weights)
+        self._best = self._particles[int(np.argmax(weights))].copy()  # a view would keep all of them alive
 
     @property
     def closures(self) -> tuple[LoopClosure, ...]:

@@ -67,7 +67,7 @@ class MatchingFilter(Belief):
             if self._online:
                 self._match_and_weigh(scan.points)
         weights = np.exp(self._log_weights - self._log_weights.max())
-        self._weighed = (self._particles, weights / weights.sum())
+        self._weigh(weights / weights.sum())
         self._parents, self._drawn = self._drawn, np.arange(len(weights))
         self._online.append(self.best)
 

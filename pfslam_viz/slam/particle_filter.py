@@ -41,7 +41,7 @@ class ParticleFilter(Belief):
         self._informative = bool(total > 0)
         if self._informative:
             self._weights = posterior / total
-        self._weighed = (self._particles, self._weights)
+        self._weigh(self._weights)
         self._parents = self._drawn
         self._online.append(self.best)
 

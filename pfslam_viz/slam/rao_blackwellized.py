@@ -105,7 +105,7 @@ class RaoBlackwellizedFilter(Belief):
                 self._scans.drop_last()
                 self._particles = kernels.move(self._key_particles, self._moved, np.zeros_like(self._key_particles))
         weights = np.exp(self._log_weights - self._log_weights.max())
-        self._weighed = (self._particles, weights / weights.sum())
+        self._weigh(weights / weights.sum())
         self._parents, self._drawn = self._drawn, np.arange(len(weights))
         if self._keyed:
             self._history.add_key(self._particles, self._odometry, self._moved)
