@@ -81,7 +81,7 @@ class FloorView:
         shift = 4.5 * 1750.46 * inverse_depth([0.0, 1.0]) / COLOR_SCALE
         first = int(np.argmax(shown.any(axis=1)))
         color_rows = np.rint((COLOR_FOCAL * v + 16662.0) / COLOR_SCALE).astype(np.int32)[first:]
-        first_color_row = max(int(color_rows[0]), 0)
+        first_color_row = min(max(int(color_rows[0]), 0), k.height - 1)
         return cls(
             shape=(k.height, k.width),
             first_row=first,

@@ -14,6 +14,7 @@ from pfslam_viz.slam.scan_matching import (
     OPEN,
     WALL_REACH,
     ScanStore,
+    _first_from,
     match_pairs,
     open_direction,
     wall_normals,
@@ -374,3 +375,11 @@ def test_points_within_a_distance() -> None:
     points = np.array([[2.0, 1.0], [1.0, 3.0], [1.0, 4.0], [-1.0, 1.0]])
     np.testing.assert_array_equal(within(points, np.ones(2), 2.0), points[[0, 1, 3]])
     assert within(points, np.ones(2), 0.5).shape == within(np.zeros((0, 2)), np.ones(2), 5.0).shape == (0, 2)
+
+
+def test_a_bearing_is_found_from_wherever_the_search_begins() -> None:
+    bearings = np.repeat(np.sort(np.random.default_rng(2).uniform(-3, 3, 40)), 2).astype(np.float32)
+    for value in (*bearings[::7], -4.0, 0.0, 4.0):
+        expected = 10 + np.searchsorted(bearings[10:70], np.float32(value))
+        for start in (10, 30, 69, 70):
+            assert _first_from(bearings, 10, 70, float(value), start) == expected
