@@ -14,13 +14,14 @@ from pfslam_viz.viewer.block import Block
 from pfslam_viz.viewer.blueprint import blueprint
 from pfslam_viz.viewer.entities import LIDAR_Z, PARTICLE_Z, POSE_Z, TRAIL_Z, TRUTH_Z, Entities
 from pfslam_viz.viewer.framing import Framing
-from pfslam_viz.viewer.pictures import Picture
+from pfslam_viz.viewer.pictures import Cells, Picture
 from pfslam_viz.viewer.sinks import Sink
 from pfslam_viz.viewer.trail import Trail
 
 Array = NDArray[np.float64]
 
 CORRECTION_SCALE = 10.0
+CHUNK_BYTES = 2_000_000  # of maps or textures that are sent at once: what a viewer has to take in at a time
 
 
 class Drawing:
@@ -147,10 +148,14 @@ class Drawing:
             self._send(self.entities.plot(name), block, archetypes.scalar_columns(values))
 
     def _draw_pictures(self, path: str, pictures: Sequence[Picture]) -> None:
-        """Pictures of one entity, one after the other."""
+        """Pictures of one entity; few at a time where they are large."""
         self.logged.add(path)
-        times = archetypes.time_columns([p.step for p in pictures], [p.seconds for p in pictures])
-        self.sink.send_columns(path, times, archetypes.picture_columns([p.content for p in pictures]))
+        largest = max(p.content.values.nbytes if isinstance(p.content, Cells) else 0 for p in pictures)
+        at_once = max(CHUNK_BYTES // largest, 1) if largest else len(pictures)
+        for k in range(0, len(pictures), at_once):
+            some = pictures[k : k + at_once]
+            times = archetypes.time_columns([p.step for p in some], [p.seconds for p in some])
+            self.sink.send_columns(path, times, archetypes.picture_columns([p.content for p in some]))
 
 
 def send_scene(drawings: Sequence[Drawing], framing: Framing, left_out: Sequence[str] | None = None) -> None:

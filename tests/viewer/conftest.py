@@ -225,6 +225,12 @@ class Readable:
                 out.append(values)
         return out
 
+    def chunks(self, entity: str) -> list[int]:
+        """How many rows with a step each chunk of an entity holds, in the file's order."""
+        found = self._reader.stream().filter(content=f"/{entity}")
+        batches = [c.to_record_batch() for c in found if c.entity_path.lstrip("/") == entity]
+        return [batch.num_rows for batch in batches if "step" in batch.schema.names]
+
     def temporal(self, entity: str) -> list[dict]:
         """The rows that have a step, in its order; the one logged last where several share it."""
         rows = {row["step"]: row for row in self.rows(entity) if row["step"] is not None}

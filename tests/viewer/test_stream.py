@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 
+from pfslam_viz.viewer import drawing
 from pfslam_viz.viewer.gatherer import StreamOptions
 from pfslam_viz.viewer.sinks import open_sinks
 from pfslam_viz.viewer.stream import replay_stream
@@ -185,6 +186,20 @@ def test_options_thin_and_what_is_left_out_is_said(plain_corridor, make_recordin
     absent = ["match", "correction", "closures", "hindsight", "history", "texture", "robot/camera"]
     page = file.static("help", "text")[0]
     assert not any(f"world/filter/{name}`" in page for name in absent)
+
+
+def test_large_pictures_are_sent_few_at_a_time(plain_corridor, make_recording, read_back, tmp_path, monkeypatch):
+    """Sixty-one maps, two at a time, one at a time where one is more than the limit, or at once; the same rows."""
+    files = []
+    for limit, most in ((100_000_000, 61), (None, 2), (1, 1)):
+        if limit is None:
+            limit = 2 * max(len(row["data"][0]) for row in files[0].rows("world/filter/map"))
+        monkeypatch.setattr(drawing, "CHUNK_BYTES", limit)
+        made = make_recording(plain_corridor, tmp_path / f"{limit}.rrd", StreamOptions(map_every=1))
+        files.append(read_back(made.path))
+        assert max(files[-1].chunks("world/filter/map")) == most
+        assert sum(files[-1].chunks("world/filter/map")) == 61
+        assert files[-1].temporal("world/filter/map") == files[0].temporal("world/filter/map")
 
 
 def test_nothing_is_left_out_silently(recorded):
