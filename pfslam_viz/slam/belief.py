@@ -26,10 +26,14 @@ class Belief:
         """(3,) the most likely particle after the last update: the "mode" of section I. Not to be written to."""
         return self._best
 
-    def _weigh(self, weights: Array) -> None:
-        """The particles have these weights (N,), which sum to 1, until they are weighed again; resampled or not."""
+    def _weigh(self, weights: Array, best: int | None = None) -> None:
+        """The particles have these weights (N,), which sum to 1, until they are weighed again; resampled or not.
+
+        ``best`` is the most likely one, where that is another one than the heaviest.
+        """
         self._weighed = (self._particles, weights)
-        self._best = self._particles[int(np.argmax(weights))].copy()  # a view would keep all of them alive
+        best = int(np.argmax(weights)) if best is None else best
+        self._best = self._particles[best].copy()  # a view would keep all of them alive
 
     @property
     def closures(self) -> tuple[LoopClosure, ...]:

@@ -42,12 +42,6 @@ class MatchingFilter(Belief):
         self._normals = np.zeros((0, 2))
         self._online: list[Array] = []
 
-    @property
-    def best(self) -> Array:
-        """(3,) the mode: the pose at which the posterior is greatest."""
-        pose: Array = self._weighed[0][0]
-        return pose
-
     def predict(self, increment: Array, dt: float) -> None:
         """Move every particle by the odometry, all but the mode with noise of their own: (13), (17) to (19)."""
         moved = motion.predict(self._particles, increment, dt, self.config.motion, self._rng)
@@ -67,7 +61,7 @@ class MatchingFilter(Belief):
             if self._online:
                 self._match_and_weigh(scan.points)
         weights = np.exp(self._log_weights - self._log_weights.max())
-        self._weigh(weights / weights.sum())
+        self._weigh(weights / weights.sum(), best=0)  # the mode, at which the posterior is greatest
         self._parents, self._drawn = self._drawn, np.arange(len(weights))
         self._online.append(self.best)
 

@@ -166,4 +166,5 @@ def read_images(color: Path | None, disparity: Path | None, view: FloorView) -> 
         depth_image, color_image = view.crop(read_image(disparity), read_image(color))
     except ValueError:
         raise UnusableImage("wrong") from None
+    # Copies: views of the rows would keep whole images alive.
     return depth_image.copy(), np.asarray(cv2.cvtColor(color_image, cv2.COLOR_BGR2RGB), np.uint8)

@@ -81,30 +81,26 @@ def _by_weight(weights: Points, most: int) -> NDArray[np.intp]:
     return order[::-1][:: stride(len(order), most)][::-1]
 
 
-def strips(groups: Sequence[Strips], z: float) -> Any:
-    """The polylines of all ``groups``, one after the other, at height ``z``, as Rerun stores them.
-
-    Its own conversion of one strip at a time is slow.
-    """
+def line_columns(groups: Sequence[Strips], z: float) -> Any:
+    """Some polylines a row, at height ``z``. Rerun's own conversion of one strip at a time is slow."""
     data_type = rr.components.LineStrip3DBatch._ARROW_DATATYPE
-    points, lengths = [np.zeros((0, 2), np.float32)], [np.zeros(1, np.intp)]
+    points, lengths = [np.zeros((0, 2), np.float32)], [0]
     for group in groups:
         if isinstance(group, np.ndarray):  # of equal lengths
             points.append(group.reshape(-1, 2))
-            lengths.append(np.full(group.shape[0], group.shape[1]))
+            lengths += [group.shape[1]] * len(group)
         else:
-            points.extend(group)
-            lengths.append(np.array([len(p) for p in group], np.intp))
-    offsets = np.cumsum(np.concatenate(lengths)).astype(np.int32)
+            points += group
+            lengths += [len(strip) for strip in group]
     flat = lifted(np.concatenate(points), z)
     inner = pa.FixedSizeListArray.from_arrays(pa.array(flat.ravel()), type=data_type.value_type)
-    return pa.ListArray.from_arrays(pa.array(offsets), inner, type=data_type)
+    strips = pa.ListArray.from_arrays(pa.array(np.cumsum(lengths).astype(np.int32)), inner, type=data_type)
+    return rr.LineStrips3D.columns(strips=strips).partition([len(group) for group in groups])
 
 
 def strip_columns(values: Sequence[Any], z: float) -> Any:
     """A polyline (m, 2) a row; none where m is 0."""
-    lines = strips([[v for v in values if len(v)]], z)
-    return rr.LineStrips3D.columns(strips=lines).partition([int(len(v) > 0) for v in values])
+    return line_columns([[v] if len(v) else [] for v in values], z)
 
 
 def pose_columns(poses: Array, z: float) -> Any:
@@ -149,8 +145,7 @@ def picture_columns(contents: Sequence[Content]) -> Any:
         centers, half_sizes = np.concatenate([r.centers for r in rows]), np.concatenate([r.half_sizes for r in rows])
         return rr.Boxes3D.columns(centers=centers, half_sizes=half_sizes).partition([len(r.centers) for r in rows])
     if isinstance(rows[0], Lines):
-        lines = strips([r.strips for r in rows], rows[0].z)
-        return rr.LineStrips3D.columns(strips=lines).partition([len(r.strips) for r in rows])
+        return line_columns([r.strips for r in rows], rows[0].z)
     types = ["image/jpeg"] * len(rows)
     return rr.EncodedImage.columns(blob=_blobs([r.contents for r in rows]), media_type=types)
 
@@ -159,8 +154,7 @@ def _blobs(rows: Sequence[NDArray[np.uint8]]) -> Any:
     """Bytes (m,) each as what images take, without the copies that Rerun makes of every array."""
     data_type = rr.components.BlobBatch._ARROW_DATATYPE
     offsets = np.cumsum([0, *(len(row) for row in rows)]).astype(np.int32)
-    values = rows[0] if len(rows) == 1 else np.concatenate(rows)
-    return pa.ListArray.from_arrays(pa.array(offsets), pa.array(values), type=data_type)
+    return pa.ListArray.from_arrays(pa.array(offsets), pa.array(np.concatenate(rows)), type=data_type)
 
 
 def _grid_map_columns(grids: Sequence[Cells]) -> Any:

@@ -157,6 +157,11 @@ def test_the_mode_stays_even_when_it_has_lost_its_weight(fast: Config) -> None:
     slam._particles, slam._weighed = poses, (poses, weights)
     slam.resample()
     np.testing.assert_array_equal(slam._particles, poses[[0] + 99 * [7]])
+    slam._particles, slam._log_weights = poses, np.log(weights + 1e-9)
+    slam.update(scan(1, room(0)))  # the robot stands: weighed as they are
+    estimate = slam.estimate()
+    assert np.argmax(estimate.weights) == 7
+    np.testing.assert_array_equal(estimate.best, poses[0])
 
 
 def test_weakest_direction() -> None:
