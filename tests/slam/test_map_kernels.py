@@ -50,7 +50,7 @@ def write_twin(log_odds: Array, start: Cell, ends: list[Cell], hit: float, miss:
     return np.clip(out, -bound, bound)
 
 
-@pytest.mark.parametrize("kind", ["inside", "outside", "axes", "empty"])
+@pytest.mark.parametrize("kind", ["inside", "outside", "axes", "one", "empty"])
 def test_end_cells(kind: str) -> None:
     rng = np.random.default_rng(8)
     points = {
@@ -59,6 +59,7 @@ def test_end_cells(kind: str) -> None:
         "axes": np.array(
             [[1.03, 0.0], [0.0, 1.03], [-1.03, 0.0], [0.0, -1.03], [0.0, 0.0], [0.52, 0.52], [-0.52, 0.52]]
         ),
+        "one": rng.uniform(-1.5, 1.5, (1, 2)),
         "empty": np.zeros((0, 2)),
     }[kind]
     pose, sensor = np.array([0.213, -0.117, 0.4]), np.array([0.3, 0.02])

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from pfslam_viz.config import load_robot
+from pfslam_viz.config import TextureConfig, load_robot
+from pfslam_viz.texture import FloorTexture
 from pfslam_viz.texture.kinect import FloorView, depth_from_disparity
 
 
@@ -51,3 +52,9 @@ def test_a_camera_that_looks_up_sees_no_floor() -> None:
     assert camera is not None
     view = FloorView.of(camera.model_copy(update={"pitch": -0.9}), 0.05, 4.0)
     assert view.reach == 0.0
+    texture = FloorTexture(camera.model_copy(update={"pitch": -0.9}), TextureConfig(), 0.05)
+    for disparity in (
+        np.full((480, 640), 750, np.uint16),
+        np.arange(480 * 640, dtype=np.uint16).reshape(480, 640) % 1089,
+    ):
+        assert texture.add(disparity, np.zeros((480, 640, 3), np.uint8), (0.0, 0.0, 0.0)) == 0

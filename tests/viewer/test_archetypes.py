@@ -99,10 +99,10 @@ def test_cells_become_grid_maps_row_by_row_from_the_top(depth, model):
 
 def test_boxes_are_as_many_a_row_as_the_picture_has():
     sizes = [2, 0, 1]
-    contents = [Boxes(np.full((n, 3), 2.0 + n, np.float32), np.full((n, 3), 0.5, np.float32)) for n in sizes]
+    contents = [Boxes(np.full((n, 3), 2.0 + n, np.float32), np.full((n, 3), 0.5 + n, np.float32)) for n in sizes]
     shown = columns(archetypes.picture_columns(contents))
     assert shown["centers"] == [[[4.0] * 3] * 2, [], [[3.0] * 3]]
-    assert [len(row) for row in shown["half_sizes"]] == sizes
+    assert shown["half_sizes"] == [[[2.5] * 3] * 2, [], [[1.5] * 3]]
 
 
 def test_lines_of_equal_or_different_lengths_lie_at_their_height():
