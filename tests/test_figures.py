@@ -8,12 +8,13 @@ import cv2
 import numpy as np
 import pytest
 
-from pfslam_viz.config import Config, MapConfig
+from pfslam_viz.config import Config
 from pfslam_viz.errors import InputError
 from pfslam_viz.figures import WALL, Path2D, draw_texture, grid_layer, map_limits, texture_layer, write_figures
 from pfslam_viz.figures_page import Figure, write_page
 from pfslam_viz.plot import LEFT, TOP, Limits, Plot
 from pfslam_viz.recordings.recording import Lidar, Recording
+from pfslam_viz.settings import MapConfig
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 
 

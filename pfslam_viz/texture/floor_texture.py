@@ -5,8 +5,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pfslam_viz.config import TextureConfig
 from pfslam_viz.robot import CameraGeometry
+from pfslam_viz.settings import TextureConfig
 from pfslam_viz.texture.kernels import collect, merge
 from pfslam_viz.texture.kinect import FloorView
 

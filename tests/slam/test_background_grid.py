@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from pfslam_viz.config import MapConfig
+from pfslam_viz.settings import MapConfig
 from pfslam_viz.slam.background_grid import BATCH, BackgroundGrid
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.slam.worker import Worker

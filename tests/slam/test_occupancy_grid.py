@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from pfslam_viz.config import MapConfig
+from pfslam_viz.settings import MapConfig
 from pfslam_viz.slam import occupancy_grid
 from pfslam_viz.slam.occupancy_grid import MARGIN, OccupancyGrid, Scratch
 from pfslam_viz.slam.worker import Worker

@@ -3,8 +3,9 @@ import math
 import numpy as np
 import pytest
 
-from pfslam_viz.config import TextureConfig, load_robot
+from pfslam_viz.config import load_robot
 from pfslam_viz.robot import CameraGeometry
+from pfslam_viz.settings import TextureConfig
 from pfslam_viz.texture import FloorTexture, depth_from_disparity
 
 NOTHING = 2047

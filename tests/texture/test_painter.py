@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 
 from pfslam_viz import geometry
-from pfslam_viz.config import TextureConfig, load_robot
+from pfslam_viz.config import load_robot
 from pfslam_viz.recordings.ece276a import load
 from pfslam_viz.recordings.recording import Frames, Recording
+from pfslam_viz.settings import TextureConfig
 from pfslam_viz.simulation.buildings import build
 from pfslam_viz.simulation.drive import DriveConfig, drive_along
 from pfslam_viz.simulation.floor import CHECKER, TILE, floor_colors

@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from pfslam_viz.config import MapConfig
+from pfslam_viz.settings import MapConfig
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.viewer import pictures
 
