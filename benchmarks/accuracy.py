@@ -57,7 +57,6 @@ VARIANTS = (
     Variant("paper", config="paper"),
     Variant("paper, resampling under N/2", ("resampling.policy=n_eff",), "paper"),
     Variant("paper, noise scaled by motion too", ("resampling.policy=n_eff", "motion.model=scaled"), "paper"),
-    Variant("fast (one map, scan matching)", config="fast"),
     Variant("default"),
     Variant("default, loops not closed", ("loop_closing.enabled=false",)),
     Variant("default, not smoothed", ("smoothing.enabled=false",)),

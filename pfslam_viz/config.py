@@ -7,7 +7,7 @@ An unknown key, a key that the chosen filter does not read, a wrong type or a va
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any, Literal, TypeVar, get_args, overload
 
 from pydantic import BaseModel, ValidationError
 
@@ -15,10 +15,13 @@ from pfslam_viz.errors import InputError
 from pfslam_viz.robot import Robot
 from pfslam_viz.settings import Config
 from pfslam_viz.slam.backends import BACKENDS
+from pfslam_viz.slam.paper.settings import PaperConfig
+from pfslam_viz.slam.rbpf.settings import RbpfConfig
 
 __all__ = ["Config", "configs_dir", "find_config", "load_config", "load_robot"]
 
 Model = TypeVar("Model", bound=BaseModel)
+Source = Callable[[str], str]
 Blame = Callable[[tuple[str | int, ...]], str]
 
 ALSO_CALLED = {"carmen": "default"}
@@ -47,8 +50,16 @@ def find_config(name_or_path: str | Path, kind: str = "configuration", folder: P
     raise InputError(f"no {kind} is called '{path}'; there are {known}, or give the path of a .toml file")
 
 
+@overload
+def load_config(name_or_path: Literal["paper"], settings: Iterable[str] = (), source: Source = ...) -> PaperConfig: ...
+@overload
 def load_config(
-    name_or_path: str | Path = "default", settings: Iterable[str] = (), source: Callable[[str], str] = "--set {}".format
+    name_or_path: Literal["default"] = "default", settings: Iterable[str] = (), source: Source = ...
+) -> RbpfConfig: ...
+@overload
+def load_config(name_or_path: str | Path, settings: Iterable[str] = (), source: Source = ...) -> Config: ...
+def load_config(
+    name_or_path: str | Path = "default", settings: Iterable[str] = (), source: Source = "--set {}".format
 ) -> Config:
     """Read a configuration and apply ``section.key=value`` settings (values in TOML; bare words are strings).
 
@@ -128,7 +139,7 @@ def _explain(model: type[BaseModel], error: Any) -> str:
         section: Any = model
         for part in error["loc"][:-1]:
             section = _section(section, part)
-        return f"unknown key '{key}'{_whose(model, error['loc'])}; allowed here: {', '.join(section.model_fields)}"
+        return f"{_unread(model, error['loc'])}; allowed here: {', '.join(section.model_fields)}"
     return f"'{key}' = {error['input']!r}: {error['msg'][0].lower()}{error['msg'][1:]}"
 
 
@@ -137,14 +148,16 @@ def _section(model: Any, key: str | int) -> Any:
     return next(kind for kind in (annotation, *get_args(annotation)) if hasattr(kind, "model_fields"))
 
 
-def _whose(model: type[BaseModel], key: tuple[str | int, ...]) -> str:
-    """Which filter does not read a key, and which one does."""
-    own = [name for name, row in BACKENDS.items() if row.settings is model]
-    if not own:
-        return ""
-    others = [name for name, row in BACKENDS.items() if row.settings is not model and _has(row.settings, key)]
-    read_by = f"; the filter {' or '.join(others)} reads it" if others else ""
-    return f": the filter {own[0]} does not read it{read_by}"
+def _unread(model: type[BaseModel], key: tuple[str | int, ...]) -> str:
+    """That nobody knows a key, or that only another filter does."""
+    name = ".".join(str(part) for part in key)
+    own = next((backend for backend, row in BACKENDS.items() if row.settings is model), None)
+    others = [backend for backend, row in BACKENDS.items() if row.settings is not model and _has(row.settings, key)]
+    if own is None:
+        return f"unknown key '{name}'"
+    if others:
+        return f"'{name}' is a setting of the filter {' and '.join(others)}, which {own} does not read"
+    return f"the filter {own} knows no key '{name}'"
 
 
 def _has(model: Any, key: tuple[str | int, ...]) -> bool:

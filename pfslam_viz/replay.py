@@ -82,8 +82,8 @@ class Replay:
         """Prepare to replay ``recording`` under ``config``.
 
         Without ``texture``, the floor is not painted, whatever the configuration and the recording hold. With 2
-        ``threads``, a second one writes dead reckoning's map and helps to weigh the particles; None takes 2 if there are
-        as many cores. The results do not depend on it.
+        ``threads``, a second one writes dead reckoning's map and helps to weigh the particles; None takes 2 if there
+        are as many cores. The results do not depend on it.
         """
         self.recording = recording
         self.config = config

@@ -6,7 +6,7 @@ TOML, and ``pfslam-viz config`` prints them.
 
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
 
 class Section(BaseModel):
@@ -20,7 +20,7 @@ def setting(default: Any, meaning: str, unit: str = "", **limits: Any) -> Any:
 
     Numbers must be finite. Tuples, which TOML has as arrays, are taken from lists.
     """
-    extra = {"unit": unit} if unit else None
+    extra: dict[str, JsonValue] = {"unit": unit}
     if isinstance(default, float):
         limits.setdefault("allow_inf_nan", False)
     if isinstance(default, tuple):

@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from pfslam_viz.config import Config, configs_dir, load_config, load_robot
+from pfslam_viz.config import configs_dir, load_config, load_robot
 from pfslam_viz.errors import InputError
+from pfslam_viz.slam.paper.settings import PaperConfig
 
 ROBOT = (configs_dir() / "robots" / "ece276a.toml").read_text(encoding="utf-8")
 
@@ -39,15 +40,15 @@ def test_every_shipped_robot_is_valid(path: Path) -> None:
 
 
 def test_an_empty_file_is_the_defaults(tmp_path: Path) -> None:
-    assert load_config(toml(tmp_path, "")) == Config(name="mine")
+    assert load_config(toml(tmp_path, "")) == PaperConfig(name="mine")
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("particle = 3", "unknown key 'particle'; allowed here: .*particles"),
-        ("[map]\ncel = 1.0", "unknown key 'map.cel'; allowed here: cell, "),
-        ("[filter]\nx = 1", "unknown key 'filter'"),
+        ("particle = 3", "the filter single_map knows no key 'particle'; allowed here: .*particles"),
+        ("[map]\ncel = 1.0", "the filter single_map knows no key 'map.cel'; allowed here: cell, "),
+        ("[filter]\nx = 1", "knows no key 'filter'"),
         ("particles = 0", "'particles' = 0: .*greater than or equal to 1"),
         ("particles = 500.0", "'particles' = 500.0: .*valid integer"),
         ("particles = true", "'particles' = True: .*valid integer"),
@@ -117,7 +118,7 @@ def test_settings_reach_every_section_in_toml_or_bare_words() -> None:
         ("=1", "section.key=value"),
         ("map..cell=1", "section.key=value"),
         ("particles.x=1", "particles is not a section"),
-        ("map.size=1", "unknown key 'map.size'"),
+        ("map.size=1", "knows no key 'map.size'"),
         ("map.cell=", "'map.cell' = ''"),
         ("map.cell=big", "'map.cell' = 'big'"),
     ],

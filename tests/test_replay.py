@@ -204,43 +204,8 @@ def test_the_loop_compiles_nothing_after_the_warm_up(room: Recording, paper: Con
     assert {name: list(kernel.signatures) for name, kernel in public.items()} == before
 
 
-@pytest.fixture(scope="module")
-def fast() -> Config:
-    return load_config("fast")
-
-
-def test_scan_matching_is_ten_times_as_accurate(room: Recording, fast: Config) -> None:
-    """No worse than its lidar's noise of 1 cm, at every seed."""
-    for seed in range(3):
-        replay = Replay(room, fast.model_copy(update={"seed": seed}))
-        for _ in replay:
-            pass
-        result = replay.result()
-        assert result.truth is not None
-        assert position_error(result.estimate, result.truth) < 0.01
-        assert np.abs(np.degrees(geometry.wrap(result.estimate[:, 2] - result.truth[:, 2]))).max() < 0.7
-        np.testing.assert_array_equal(result.online, result.estimate)
-
-
-def test_scan_matching_does_not_depend_on_the_threads(room: Recording, fast: Config) -> None:
-    for one, two in zip(run(room, fast, 1), run(room, fast, 2), strict=True):
-        np.testing.assert_array_equal(one, two)
-
-
-@pytest.mark.parametrize("blind", [slice(None), slice(0, 1), slice(1, None), slice(40, 60)])
-def test_scan_matching_survives_scans_without_returns(room: Recording, fast: Config, blind: slice) -> None:
-    ranges = room.ranges.copy()
-    ranges[blind] = 0.0
-    replay = Replay(replace(room, ranges=ranges), fast)
-    assert len(list(replay)) == 120
-    result = replay.result()
-    assert np.isfinite(result.estimate).all()
-    if blind == slice(40, 60) and result.truth is not None:
-        assert position_error(result.estimate[70:], result.truth[70:]) < 0.02
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "position", "heading"), [("paper", 0.8, 4.0), ("fast", 0.02, 0.2)])
+@pytest.mark.parametrize(("name", "position", "heading"), [("paper", 0.8, 4.0), ("default", 0.005, 0.1)])
 def test_twin_of_a_real_drive(shared_data: Path, name: str, position: float, heading: float) -> None:
     """Real wheels and gyro against simulated walls: 92 m, on which dead reckoning goes metres astray."""
     from pfslam_viz.recordings import ece276a

@@ -22,9 +22,9 @@ def end_cells(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
     """Cells (m + 1, 2) of the lidar and of the end points seen from ``pose``, their extent, and the points (m, 2).
 
-    ``points`` (m, 2) and ``lidar_position`` (2,) are in the robot's frame; the points come back in the world's. Cells are row,
-    column from the cell at the world's origin, so that they hold however the grid grows; the extent (4,) is least row,
-    column, greatest row, column.
+    ``points`` (m, 2) and ``lidar_position`` (2,) are in the robot's frame; the points come back in the world's. Cells
+    are row, column from the cell at the world's origin, so that they hold however the grid grows; the extent (4,) is
+    least row, column, greatest row, column.
     """
     cells = np.empty((len(points) + 1, 2), np.int64)
     lidar, world = transform(pose, lidar_position.reshape(1, 2)), transform(pose, points)

@@ -98,9 +98,9 @@ class OccupancyGrid:
         return kernels.project(pose, points, self.occupied, *self.origin, self.cell)
 
     def add(self, pose: Array, points: Array, lidar_position: Array) -> Array:
-        """Write a scan seen from ``pose`` (3,), (28): ``points`` (m, 2) and ``lidar_position`` (2,) in the robot's frame.
+        """Write a scan seen from ``pose`` (3,), (28).
 
-        Returns the points in the world, (m, 2).
+        ``points`` (m, 2) and ``lidar_position`` (2,) are in the robot's frame. Returns the points in the world, (m, 2).
         """
         from pfslam_viz.slam import map_kernels
 

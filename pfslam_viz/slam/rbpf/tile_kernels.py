@@ -102,10 +102,10 @@ def write_scans(
 ) -> int:
     """Write one scan into every map from ``first`` on; how many maps are done when the free tiles run short.
 
-    Cells with an end point gain ``hit``, those of the Bresenham line up to every ``stride``-th of them lose ``miss``, once
-    for every line: other than in the one map of :mod:`pfslam_viz.slam.map_kernels`, where a cell changes once a scan, so
-    that lines can be bundled there. Cells above the ``threshold`` are occupied; ``kernel`` (2 r + 1, 2 r + 1) is the field
-    round one of them.
+    Cells with an end point gain ``hit``, those of the Bresenham line up to every ``stride``-th of them lose ``miss``,
+    once for every line; that is why lines are not bundled as in :mod:`pfslam_viz.slam.map_kernels`, where a cell
+    changes once a scan. Cells above the ``threshold`` are occupied; ``kernel`` (2 r + 1, 2 r + 1) is the field round
+    one of them.
     """
     m, reach = len(points), kernel.shape[0] // 2
     appeared = np.empty((m, 2), np.int64)

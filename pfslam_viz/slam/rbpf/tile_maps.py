@@ -24,8 +24,8 @@ class TileSettings:
     """What the maps need to know.
 
     ``cell`` m, log-odds and ``threshold`` as in :class:`pfslam_viz.settings.MapConfig`; ``sigma`` m, the spread of end
-    points about a wall, ``floor``, the share of them that no wall explains, ``reach``, the cells by which the likelihood
-    field goes beyond a wall, and ``free_beams``, how many beams of a scan clear free space at most.
+    points about a wall, ``floor``, the share of them that no wall explains, ``reach``, the cells by which the field
+    goes beyond a wall, and ``free_beams``, how many beams of a scan clear free space at most.
     """
 
     cell: float = 0.05

@@ -6,10 +6,9 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.simulation.sensors import true_ranges
-from pfslam_viz.slam.graph import loop_closing
-from pfslam_viz.slam.graph.loop_closing import CELL, blurred, find_candidates, find_loops, overlay
-from pfslam_viz.slam.graph.scan_matching import ScanStore
-from pfslam_viz.slam.graph.settings import LoopClosingConfig
+from pfslam_viz.slam.graph.loop_closing import blurred, find_candidates, find_loops, overlay
+from pfslam_viz.slam.graph.scan_store import ScanStore
+from pfslam_viz.slam.graph.settings import LoopClosingConfig, ScanMatchingConfig
 
 Array = NDArray[np.float64]
 
@@ -42,12 +41,12 @@ def test_overlay_equals_its_plain_twin() -> None:
 def test_overlay_finds_the_shift_and_the_turn() -> None:
     """An L of walls, laid over itself after a turn of 0.12 rad and a shift of 5 cells right and 3 up."""
     wall = np.array([[x, 0.0] for x in np.arange(0, 3, 0.05)] + [[0.0, y] for y in np.arange(0, 2, 0.05)])
-    field, corner = blurred(wall, np.zeros(2), 5.0)
+    field, corner = blurred(wall, np.zeros(2), 5.0, CONFIG.cell, CONFIG.blur)
     assert field.max() == 1.0 and field.shape == (100, 100)
     np.testing.assert_allclose(corner, [-5.0, -5.0])
     turns = np.array([-0.12, 0.0, 0.12])
     seen = geometry.transform(geometry.inverse([0.5, 0.3, 0.12]), wall)  # where the wall is seen from there
-    scores = overlay(field, -corner / CELL, seen / CELL, turns, 10)
+    scores = overlay(field, -corner / CONFIG.cell, seen / CONFIG.cell, turns, 10)
     turn, row, column = np.unravel_index(int(np.argmax(scores)), scores.shape)
     assert turn == 2 and abs(column - 15) <= 1 and abs(row - 13) <= 1
     assert scores.max() > 0.8
@@ -60,7 +59,7 @@ def test_candidates_are_far_back_on_the_path_and_near_in_space() -> None:
     poses = np.concatenate([out, back])
     config = CONFIG.model_copy(update={"least_loop": 10.0, "least_reach": 1.0, "drift": 0.05, "most_reach": 5.0})
     found = find_candidates(poses, config)
-    assert len(found.later) > 0 and (found.later % loop_closing.EVERY == 0).all()
+    assert len(found.later) > 0 and (found.later % CONFIG.every == 0).all()
     assert (found.later >= 40).all()
     np.testing.assert_allclose(poses[found.earlier, 0], poses[found.later, 0], atol=1e-9)  # straight across
     path = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
@@ -83,7 +82,7 @@ def room_walls(features: bool) -> Array:
 
 def store(walls: Array, poses: Array) -> ScanStore:
     rng = np.random.default_rng(0)
-    scans = ScanStore(np.zeros(2))
+    scans = ScanStore(np.zeros(2), ScanMatchingConfig())
     for ranges in true_ranges(walls, poses, ANGLES)[0]:
         seen = ranges < 20.0
         noisy = ranges[seen] + 0.01 * rng.standard_normal(seen.sum())

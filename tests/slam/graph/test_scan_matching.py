@@ -8,21 +8,14 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.simulation.sensors import true_ranges
-from pfslam_viz.slam.graph.scan_matching import (
-    MOST,
-    NOISE,
-    OPEN,
-    WALL_REACH,
-    ScanStore,
-    _first_from,
-    match_pairs,
-    open_direction,
-    wall_normals,
-    within,
-)
+from pfslam_viz.slam.graph.scan_matching import MatchingRules, _first_from, match_pairs, open_direction
+from pfslam_viz.slam.graph.scan_store import ScanStore
+from pfslam_viz.slam.graph.settings import ScanMatchingConfig
+from pfslam_viz.slam.graph.walls import wall_normals, within
 
 Array = NDArray[np.float64]
 
+CONFIG = ScanMatchingConfig()
 LOOSE = np.full(3, 1e-6)
 GATES = np.array([0.5, 0.3, 0.2, 0.1])
 ANGLES = np.linspace(-0.75 * np.pi, 0.75 * np.pi, 361)
@@ -49,7 +42,7 @@ def see(walls: Array, pose: Array, *, noise: float = 0.0, rng: np.random.Generat
 
 
 def store_of(*scans: Array, sensor: Array = SENSOR) -> ScanStore:
-    store = ScanStore(sensor)
+    store = ScanStore(sensor, CONFIG)
     for scan in scans:
         store.add(scan)
     return store
@@ -72,13 +65,13 @@ def test_the_normal_of_a_straight_wall_points_to_the_lidar(direction: float, sid
     normal = np.array([-along[1], along[0]])
     sensor = np.array([3.0, -2.0])
     points = sensor - side * 1.0 * normal + np.linspace(-1, 1, 60)[:, None] * along
-    np.testing.assert_allclose(wall_normals(points, sensor, 0.3), np.tile(side * normal, (60, 1)), atol=1e-6)
+    np.testing.assert_allclose(wall_normals(points, sensor, 0.3, 20, 0.1), np.tile(side * normal, (60, 1)), atol=1e-6)
 
 
 def test_a_rough_wall_has_about_its_normal() -> None:
     """Noise of 1 cm on 13 points over 0.6 m turns a line by 1 cm / (√13 · 0.19 m), 0.015 rad, about."""
     points = np.column_stack([np.linspace(-2, 2, 81), 1.0 + 0.01 * np.random.default_rng(0).standard_normal(81)])
-    normals = wall_normals(points, np.zeros(2), 0.3)[6:-6]
+    normals = wall_normals(points, np.zeros(2), 0.3, 20, 0.1)[6:-6]
     angle = np.arctan2(normals[:, 0], -normals[:, 1])
     assert 0.007 < np.sqrt(np.mean(angle**2)) < 0.03
     assert np.allclose(np.hypot(*normals.T), 1.0)
@@ -89,7 +82,7 @@ def test_corners_and_stray_points_have_no_normal() -> None:
     ahead = np.column_stack([np.full(21, 2.0), np.linspace(-1, 1, 21)])
     aside = np.column_stack([np.linspace(1.95, 0, 40), np.full(40, 1.0)])
     stray = np.array([[-1.0, 1.0], [-1.0, 0.5]])
-    normals = wall_normals(np.vstack([ahead, aside, stray]), np.zeros(2), 0.3)
+    normals = wall_normals(np.vstack([ahead, aside, stray]), np.zeros(2), 0.3, 20, 0.1)
     np.testing.assert_array_equal(normals[20:22], 0)
     np.testing.assert_allclose(normals[:15], np.tile([-1.0, 0.0], (15, 1)), atol=1e-6)
     np.testing.assert_allclose(normals[28:61], np.tile([0.0, -1.0], (33, 1)), atol=1e-6)
@@ -99,10 +92,12 @@ def test_corners_and_stray_points_have_no_normal() -> None:
 def test_a_normal_needs_two_neighbours_within_reach() -> None:
     wall = np.array([[1.0, 0.0], [1.0, 0.25], [1.0, 0.5]])
     sensor = np.zeros(2)
-    np.testing.assert_allclose(wall_normals(wall, sensor, 0.3)[1], [-1.0, 0.0], atol=1e-6)
-    np.testing.assert_array_equal(wall_normals(wall, sensor, 0.3)[[0, 2]], 0)  # one neighbour each
-    np.testing.assert_array_equal(wall_normals(wall, sensor, 0.2), 0)
-    np.testing.assert_array_equal(wall_normals(np.tile([[1.0, 0.5]], (5, 1)), sensor, 0.2), 0)  # a heap, no line
+    np.testing.assert_allclose(wall_normals(wall, sensor, 0.3, 20, 0.1)[1], [-1.0, 0.0], atol=1e-6)
+    np.testing.assert_array_equal(wall_normals(wall, sensor, 0.3, 20, 0.1)[[0, 2]], 0)  # one neighbour each
+    np.testing.assert_array_equal(wall_normals(wall, sensor, 0.2, 20, 0.1), 0)
+    np.testing.assert_array_equal(
+        wall_normals(np.tile([[1.0, 0.5]], (5, 1)), sensor, 0.2, 20, 0.1), 0
+    )  # a heap, no line
 
 
 # The store
@@ -119,7 +114,9 @@ def test_scans_are_kept_one_after_the_other() -> None:
         assert store.size_of(k) == len(scan)
         np.testing.assert_allclose(store.points_of(k), scan, atol=1e-6)
         own = slice(store.first[k], store.first[k + 1])
-        np.testing.assert_allclose(store.normals[own], wall_normals(scan, SENSOR, WALL_REACH), atol=1e-6)
+        np.testing.assert_allclose(
+            store.normals[own], wall_normals(scan, SENSOR, CONFIG.wall_reach, 20, 0.1), atol=1e-6
+        )
         np.testing.assert_allclose(store.bearings[own], ANGLES[: len(scan)], atol=1e-5)
 
 
@@ -137,9 +134,9 @@ def test_the_last_scan_can_be_dropped() -> None:
 def test_a_long_scan_is_thinned_evenly() -> None:
     """Of 1081 points every third is kept, 361; of 400 all."""
     x = np.arange(1081.0)
-    store = store_of(np.column_stack([1 + x, x]), np.column_stack([1 + x, x])[:MOST])
+    store = store_of(np.column_stack([1 + x, x]), np.column_stack([1 + x, x])[: CONFIG.most_points])
     np.testing.assert_array_equal(store.points_of(0)[:, 1], x[::3])
-    assert store.size_of(1) == MOST
+    assert store.size_of(1) == CONFIG.most_points
 
 
 def test_an_empty_scan_is_kept_and_matches_nothing() -> None:
@@ -149,7 +146,7 @@ def test_an_empty_scan_is_kept_and_matches_nothing() -> None:
     pose, information, overlap, distance = matched(store, guess)
     np.testing.assert_array_equal(pose, guess)
     assert overlap == 0 and distance == 0 and not information.any()
-    found = store.match(np.array([1]), np.array([2]), guess[None], LOOSE, GATES)
+    found = store.match(np.array([1]), np.array([2]), guess[None], LOOSE, GATES, iterations=15)
     np.testing.assert_array_equal(found.poses[0], guess)
     assert found.overlap[0] == 0
 
@@ -174,12 +171,12 @@ def plain_match(
             continue
         e = normals[at] @ (point - points[at])
         j = np.array([*normals[at], normals[at] @ [-arm[1], arm[0]]])
-        width = max(2 * NOISE, gate / 3)
-        h += np.outer(j, j) / NOISE**2 / (1 + (e / width) ** 2)
+        width = max(2 * CONFIG.noise, gate / 3)
+        h += np.outer(j, j) / CONFIG.noise**2 / (1 + (e / width) ** 2)
         distances.append(abs(e))
     marginal = h[:2, :2] - np.outer(h[:2, 2], h[:2, 2]) / h[2, 2] if h[2, 2] > 0 else np.zeros((2, 2))
     low, high = np.linalg.eigvalsh(marginal) if distances else (0.0, 0.0)
-    assert not distances or low > OPEN * high  # no direction is open: the information stays as it is
+    assert not distances or low > CONFIG.open_share * high  # no direction is open: the information stays as it is
     return h, len(distances) / len(seen), float(np.mean(distances)) if distances else 0.0
 
 
@@ -195,7 +192,7 @@ def test_partners_equal_a_search_among_all_points(gate: float, stride: int) -> N
         guess = geometry.between(poses[0], poses[other]) + rng.normal(0, [0.05, 0.05, 0.03])
         _, information, overlap, distance = match_pairs(
             store.points, store.normals, store.bearings, store.first, SENSOR, np.array([0]), np.array([other]),
-            guess[None], np.array([gate]), 0, stride, NOISE, LOOSE,
+            guess[None], np.array([gate]), 0, stride, LOOSE, MatchingRules.of(CONFIG),
         )  # fmt: skip
         h, share, mean = plain_match(store, 0, other, guess, gate, stride)
         overlaps.append(share)
@@ -225,7 +222,7 @@ def test_the_information_is_the_curvature_of_the_squared_distances() -> None:
         """Every point keeps its partner: itself."""
         points, normals = store.points_of(0), store.normals[: store.first[1]].astype(np.float64)
         e = ((geometry.transform(pose, points) - points) * normals).sum(axis=1)
-        return float((e**2).sum()) / NOISE**2
+        return float((e**2).sum()) / CONFIG.noise**2
 
     step = np.diag([1e-3, 1e-3, 1e-3])
     numeric = np.array([
@@ -362,9 +359,9 @@ def test_many_pairs_are_matched_as_each_alone() -> None:
     store = store_of(*(see(ROOM, pose, noise=0.01, rng=rng)[::4] for pose in poses))
     references, others = rng.integers(0, 20, 200), rng.integers(0, 20, 200)
     guesses = geometry.between(poses[references], poses[others]) + rng.normal(0, 0.03, (200, 3))
-    together = store.match(references, others, guesses, LOOSE, GATES)
+    together = store.match(references, others, guesses, LOOSE, GATES, iterations=15)
     for k in (0, 1, 99, 100, 101, 199):
-        alone = store.match(references[[k]], others[[k]], guesses[[k]], LOOSE, GATES)
+        alone = store.match(references[[k]], others[[k]], guesses[[k]], LOOSE, GATES, iterations=15)
         np.testing.assert_array_equal(together.poses[k], alone.poses[0])
         np.testing.assert_array_equal(together.information[k], alone.information[0])
         assert together.overlap[k] == alone.overlap[0] and together.distance[k] == alone.distance[0]

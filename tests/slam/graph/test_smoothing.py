@@ -8,13 +8,9 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.simulation.sensors import true_ranges
-from pfslam_viz.slam.graph.scan_matching import Matches, ScanStore
-from pfslam_viz.slam.graph.settings import LoopClosingConfig, SmoothingConfig
+from pfslam_viz.slam.graph.scan_store import Matches, ScanStore
+from pfslam_viz.slam.graph.settings import LoopClosingConfig, ScanMatchingConfig, SmoothingConfig
 from pfslam_viz.slam.graph.smoothing import (
-    HOPS,
-    LARGEST_TURN,
-    LONGEST_SHIFT,
-    TURN_LENGTH,
     Smoother,
     earlier_visits,
     match,
@@ -26,6 +22,7 @@ from pfslam_viz.slam.graph.smoothing import (
 Array = NDArray[np.float64]
 
 ANGLES = np.linspace(-0.75 * np.pi, 0.75 * np.pi, 181)
+TURN_LENGTH = 0.7  # m per rad
 NO_LOOPS = LoopClosingConfig(enabled=False)
 
 
@@ -51,7 +48,7 @@ def around(step: float = 0.2) -> Array:
 
 
 def scans_from(walls: Array, poses: Array, rng: np.random.Generator, noise: float = 0.01) -> ScanStore:
-    store = ScanStore(np.zeros(2))
+    store = ScanStore(np.zeros(2), ScanMatchingConfig())
     for ranges in true_ranges(walls, poses, ANGLES)[0]:
         seen = ranges < 15.0
         noisy = ranges[seen] + noise * rng.standard_normal(seen.sum())
@@ -112,7 +109,9 @@ def test_a_round_that_missed_its_start_is_closed() -> None:
     rng = np.random.default_rng(4)
     truth = around()
     scans = scans_from(BLOCK, truth, rng)
-    blinded = ScanStore(np.zeros(2))  # scans 85 to 99 see nothing: only the odometry leads on, and it is wrong there
+    blinded = ScanStore(
+        np.zeros(2), ScanMatchingConfig()
+    )  # scans 85 to 99 see nothing: only the odometry leads on, and it is wrong there
     for k in range(len(truth)):
         blinded.add(scans.points_of(k)[: 0 if 85 <= k < 100 else None])
     odometry = steps_of(truth)
@@ -153,7 +152,7 @@ def test_where_the_scans_are_open_odometry_rules() -> None:
 
 def test_scans_that_see_nothing_leave_the_odometry() -> None:
     odometry = np.tile([0.2, 0.01, 0.02], (12, 1))
-    scans = ScanStore(np.zeros(2))
+    scans = ScanStore(np.zeros(2), ScanMatchingConfig())
     for _ in range(12):
         scans.add(np.zeros((0, 2)))
     poses = geometry.accumulate(odometry)
@@ -195,7 +194,7 @@ def test_earlier_visits_equal_a_plain_search(radius: float, apart: int, most: in
     """On a random walk of 200 poses that turns in a small area."""
     rng = np.random.default_rng(7)
     poses = geometry.accumulate(np.column_stack([np.full(200, 0.3), np.zeros(200), rng.normal(0.2, 0.2, 200)]))
-    found = earlier_visits(poses, radius, apart, most)
+    found = earlier_visits(poses, radius, apart, most, TURN_LENGTH)
     assert [tuple(pair) for pair in found.tolist()] == plain_visits(poses, radius, apart, most)
     assert most == 0 or len(found) > 100
 
@@ -204,17 +203,17 @@ def test_earlier_visits_by_hand() -> None:
     """Poses 0 to 4 pass a place, 8 stands at 2 with the same heading, 9 there facing back, 10 far away."""
     x = np.array([0.0, 1, 2, 3, 4, 10, 20, 30, 2.1, 2.1, 50])
     poses = np.column_stack([x, 0 * x, np.where(np.arange(11) == 9, math.pi, 0.0)])
-    assert earlier_visits(poses, 0.5, 4, 3).tolist() == [[2, 8], [2, 9]]
+    assert earlier_visits(poses, 0.5, 4, 3, TURN_LENGTH).tolist() == [[2, 8], [2, 9]]
     poses[3, 2] = math.pi  # 3 faces back as well: 0.9 m are less than 0.1 m and half a turn at 0.7 m / rad
-    assert earlier_visits(poses, 1.0, 4, 1).tolist() == [[2, 8], [3, 9]]
-    assert earlier_visits(poses, 1.5, 4, 3).tolist() == [[2, 8], [3, 9]]  # 2 and 3 are the same visit
-    assert earlier_visits(poses, 0.5, 7, 3).tolist() == []  # 2 is no more than 7 before 9
+    assert earlier_visits(poses, 1.0, 4, 1, TURN_LENGTH).tolist() == [[2, 8], [3, 9]]
+    assert earlier_visits(poses, 1.5, 4, 3, TURN_LENGTH).tolist() == [[2, 8], [3, 9]]  # 2 and 3 are the same visit
+    assert earlier_visits(poses, 0.5, 7, 3, TURN_LENGTH).tolist() == []  # 2 is no more than 7 before 9
 
 
 def test_neighbours_are_some_hops_on_and_the_earlier_visits() -> None:
     poses = np.column_stack([np.arange(12.0) * 10, np.zeros(12), np.zeros(12)])
     pairs = neighbouring(poses, SmoothingConfig())
-    expected = [(k, k + hop) for hop in HOPS for k in range(12 - hop)]
+    expected = [(k, k + hop) for hop in (1, 2, 4, 8) for k in range(12 - hop)]
     assert [tuple(pair) for pair in pairs.tolist()] == expected
     poses[11] = poses[0]
     pairs = neighbouring(poses, SmoothingConfig(apart=5))
@@ -229,7 +228,7 @@ def test_a_match_is_trusted_if_everything_about_it_is_good() -> None:
     config = SmoothingConfig(overlap=0.3, distance=0.05)
     guesses = np.tile([1.0, 2.0, 3.0], (7, 1))
     moved = np.zeros((7, 3))
-    moved[3, 1], moved[4, 0], moved[5, 2], moved[6] = LONGEST_SHIFT + 0.01, 0.35, LARGEST_TURN + 0.01, [0.3, 0.3, 0]
+    moved[3, 1], moved[4, 0], moved[5, 2], moved[6] = 0.41, 0.35, 0.21, [0.3, 0.3, 0]
     overlap = np.array([0.9, 0.29, 0.9, 0.9, 0.9, 0.9, 0.9])
     distance = np.array([0.01, 0.01, 0.06, 0.01, 0.01, 0.01, 0.01])
     found = Matches(geometry.compose(guesses, moved), np.zeros((7, 3, 3)), overlap, distance)
@@ -248,7 +247,9 @@ def test_matches_become_constraints_and_bad_ones_are_left_out() -> None:
     found = match(scans, wrong, pairs, np.array([0.3, 0.1]), config)
     assert (found.start.tolist(), found.end.tolist(), found.robust.tolist()) == ([0], [1], [True])
     np.testing.assert_allclose(found.measured[0], truth[1], atol=2e-3)
-    raw = scans.match(np.array([0]), np.array([1]), truth[1:], np.full(3, 1e-6), np.array([0.1])).information[0]
+    raw = scans.match(
+        np.array([0]), np.array([1]), truth[1:], np.full(3, 1e-6), np.array([0.1]), iterations=15
+    ).information[0]
     quarter = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
     np.testing.assert_allclose(found.information[0], 0.1 * quarter.T @ raw @ quarter, rtol=0.05, atol=0.02 * raw.max())
 

@@ -1,31 +1,12 @@
-"""The motion model, (13) and (17) to (19), against numbers worked by hand and statistics."""
+"""The motion model, (13), (18) and (19), against numbers worked by hand and statistics."""
 
 import math
 
 import numpy as np
 import pytest
-from pfslam_viz.slam.motion import differential_drive, predict, scaled_variance
 
+from pfslam_viz.slam.paper.motion import predict, scaled_variance
 from pfslam_viz.slam.paper.settings import MotionConfig
-
-
-@pytest.mark.parametrize(
-    ("distance", "rotation", "increment"),
-    [
-        (2.0, 0.0, (2.0, 0.0, 0.0)),  # straight on: sinc(0) = 1
-        (math.pi / 2, math.pi / 2, (1.0, 1.0, math.pi / 2)),  # a quarter of the unit circle
-        (-math.pi / 2, math.pi / 2, (-1.0, -1.0, math.pi / 2)),  # the same backwards
-        (math.pi, -math.pi, (0.0, -2.0, -math.pi)),  # half a circle to the right: across its diameter
-        (0.0, 1.0, (0.0, 0.0, 1.0)),  # on the spot
-    ],
-)
-def test_differential_drive(distance: float, rotation: float, increment: tuple[float, float, float]) -> None:
-    np.testing.assert_allclose(differential_drive(distance, rotation), increment, atol=1e-12)
-
-
-def test_differential_drive_is_vectorised() -> None:
-    rows = differential_drive(np.array([2.0, math.pi / 2]), np.array([0.0, math.pi / 2]))
-    np.testing.assert_allclose(rows, [[2, 0, 0], [1, 1, math.pi / 2]], atol=1e-12)
 
 
 def test_without_noise_every_particle_moves_in_its_own_frame() -> None:

@@ -1,55 +1,15 @@
-"""From ranges to end points, (22), and the correlation's neighbourhood, IV-E-1."""
+"""The observation models: the correlation's neighbourhood, IV-E-1, and the likelihood field."""
 
 import math
 
 import numpy as np
 import pytest
-from pfslam_viz.slam.observation import ScanReader, correlation
 
-from pfslam_viz.recordings.recording import Lidar
+from pfslam_viz import geometry
 from pfslam_viz.settings import MapConfig
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
+from pfslam_viz.slam.paper.observation import correlation, likelihood_field
 from pfslam_viz.slam.paper.settings import ObservationConfig
-
-QUARTER = math.pi / 2
-
-
-def lidar(yaw: float = 0.0) -> Lidar:
-    return Lidar(np.array([-QUARTER, 0.0, QUARTER]), 0.1, 30.0, np.array([0.3, 0.1, yaw]))
-
-
-def ranges(*values: float) -> np.ndarray:
-    return np.array(values, np.float32)
-
-
-def test_end_points_by_hand() -> None:
-    scan = ScanReader.of(lidar(), ObservationConfig()).read(7, 1.5, ranges(1, 2, 4))
-    np.testing.assert_allclose(scan.points, [[0.3, -0.9], [2.3, 0.1], [0.3, 4.1]], atol=1e-12)
-    np.testing.assert_array_equal(scan.origin, [0.3, 0.1])
-    assert (scan.index, scan.stamp) == (7, 1.5)
-
-
-def test_the_lidars_yaw_turns_the_beams_about_it() -> None:
-    scan = ScanReader.of(lidar(yaw=QUARTER), ObservationConfig()).read(0, 0.0, ranges(1, 2, 4))
-    np.testing.assert_allclose(scan.points, [[1.3, 0.1], [0.3, 2.1], [-3.7, 0.1]], atol=1e-12)
-
-
-def test_ranges_outside_the_limits_are_no_return() -> None:
-    reader = ScanReader.of(lidar(), ObservationConfig())
-    assert len(reader.read(0, 0.0, ranges(0.0, 0.05, 30.5)).points) == 0
-    assert len(reader.read(0, 0.0, ranges(0.11, 29.9, 0.0)).points) == 2
-    near = ScanReader.of(lidar(), ObservationConfig(max_range=3.0))
-    np.testing.assert_allclose(near.read(0, 0.0, ranges(4, 2, 4)).points, [[2.3, 0.1]], atol=1e-12)
-    far = ScanReader.of(lidar(), ObservationConfig(max_range=300.0))  # no further than the lidar sees
-    assert len(far.read(0, 0.0, ranges(40, 40, 40)).points) == 0
-
-
-def test_thinning_keeps_the_first_and_the_last_beam() -> None:
-    scanner = Lidar(np.linspace(-1, 1, 101), 0.1, 30.0, np.zeros(3))
-    points = ScanReader.of(scanner, ObservationConfig(max_beams=5)).read(0, 0.0, np.full(101, 2.0, np.float32)).points
-    np.testing.assert_allclose(np.arctan2(points[:, 1], points[:, 0]), [-1, -0.5, 0, 0.5, 1], atol=1e-12)
-    single = ScanReader.of(scanner, ObservationConfig(max_beams=1)).read(0, 0.0, np.full(101, 2.0, np.float32))
-    assert len(single.points) == 1
 
 
 def small_map() -> OccupancyGrid:
@@ -85,3 +45,24 @@ def test_perturbation_turns_the_particle() -> None:
     turning = ObservationConfig(perturbation=True, perturbation_cells=0, perturbation_angle=0.02)
     assert correlation(grid, particle, points, still).tolist() == [0]
     assert correlation(grid, particle, points, turning).tolist() == [1]
+
+
+def test_the_likelihood_field_by_hand() -> None:
+    """The wall's cell is at (1.75, -0.25): end points 0, 1 and 2 cells of 0.5 m from it, and one outside the grid."""
+    config = ObservationConfig(model="likelihood_field", sigma=0.5, outliers=0.2, temper=0.5)
+    grid, points = small_map(), np.array([[1.5, 0.0]])
+    particles = np.array([[0.25, -0.25, 0.0], [0.75, -0.25, 0.0], [1.25, -0.25, 0.0], [500.0, 0.0, 0.0]])
+    likelihood = [0.8 * math.exp(-0.5 * d**2) + 0.2 for d in (0, 1, 2)] + [0.2]
+    np.testing.assert_allclose(likelihood_field(grid, particles, points, config), np.sqrt(likelihood), rtol=1e-5)
+    two = likelihood_field(grid, particles, np.repeat(points, 2, axis=0), config)  # beams multiply
+    np.testing.assert_allclose(two, likelihood, rtol=1e-5)
+
+
+def test_the_likelihood_field_says_nothing_before_there_is_a_wall() -> None:
+    config = ObservationConfig(model="likelihood_field")
+    assert not likelihood_field(OccupancyGrid(MapConfig()), np.zeros((3, 3)), np.ones((2, 2)), config).any()
+    assert not likelihood_field(small_map(), np.zeros((3, 3)), np.zeros((0, 2)), config).any()
+    turned = np.array([[0.25, -0.25, 0.0], [0.25, -0.25, math.pi]])
+    seen = geometry.transform(np.zeros(3), np.array([[1.5, 0.0]]))
+    ahead, behind = likelihood_field(small_map(), turned, seen, config)
+    assert ahead == 1.0 and behind < 1.0

@@ -5,18 +5,17 @@ import math
 import numpy as np
 import pytest
 
-from pfslam_viz.config import Config
 from pfslam_viz.settings import MapConfig, ResamplingConfig
 from pfslam_viz.slam.paper.particle_filter import ParticleFilter
-from pfslam_viz.slam.paper.settings import MotionConfig
+from pfslam_viz.slam.paper.settings import MotionConfig, PaperConfig
 from pfslam_viz.slam.protocol import Scan
 
 STILL = np.zeros(3)
 
 
-def config(**settings: object) -> Config:
+def config(**settings: object) -> PaperConfig:
     values = {"particles": 4, "motion": MotionConfig(variance=(0.0, 0.0, 0.0)), "map": MapConfig(cell=0.5)}
-    return Config(**(values | settings))
+    return PaperConfig(**(values | settings))
 
 
 def scan_of(*points: tuple[float, float], index: int = 0) -> Scan:

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from pfslam_viz.config import Config
 from pfslam_viz.settings import MapConfig
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.slam.rbpf.best_map import BestMap
+from pfslam_viz.slam.rbpf.settings import RbpfConfig
 from pfslam_viz.slam.rbpf.tile_maps import TileMaps, TileSettings
 
-CONFIG = Config(map=MapConfig(cell=0.05, log_odds_hit=0.75, log_odds_miss=0.25, log_odds_bound=3.0))
-SETTINGS = TileSettings.of(CONFIG)
+CONFIG = MapConfig(cell=0.05, log_odds_hit=0.75, log_odds_miss=0.25, log_odds_bound=3.0)
+SETTINGS = TileSettings.of(RbpfConfig(map=CONFIG))
 POSES = np.array([[0.025, 0.025, 0.0], [3.025, 0.025, 0.0]])
 POINT = np.array([[0.5, 0.0]])
 
@@ -19,7 +19,7 @@ POINT = np.array([[0.5, 0.0]])
 def maps() -> TileMaps:
     """Map 0 with a wall at (0.525, 0.025), map 1 with one at (3.525, 0.025)."""
     maps = TileMaps(2, SETTINGS)
-    maps.draw(POSES, POINT, np.zeros(2))
+    maps.write(POSES, POINT, np.zeros(2))
     return maps
 
 
@@ -50,7 +50,7 @@ def test_it_changes_when_told_and_not_before(maps: TileMaps) -> None:
     grid = BestMap(CONFIG, maps)
     grid.follow(0)
     first = grid.log_odds
-    maps.draw(POSES, -POINT, np.zeros(2))
+    maps.write(POSES, -POINT, np.zeros(2))
     assert grid.log_odds is first and occupied_at(grid) == {(0.525, 0.025)}
     grid.follow(0)
     assert occupied_at(grid) == {(0.525, 0.025), (-0.475, 0.025)}
@@ -66,7 +66,7 @@ def test_the_copy_is_made_when_somebody_looks(maps: TileMaps, monkeypatch: pytes
     grid.follow(0)
     grid.follow(1)
     assert looked == [] and grid.cell == 0.05
-    maps.draw(POSES, -POINT, np.zeros(2))
+    maps.write(POSES, -POINT, np.zeros(2))
     assert occupied_at(grid) == {(3.525, 0.025), (2.525, 0.025)}
     grid.log_odds, grid.shape, grid.lower_left  # noqa: B018
     assert looked == [1]
@@ -81,7 +81,7 @@ def test_any_look_is_up_to_date(maps: TileMaps, look: str) -> None:
     up_to_date.follow(1)
     up_to_date._refresh()
     np.testing.assert_array_equal(getattr(grid, look), getattr(up_to_date, look))
-    fresh = OccupancyGrid(CONFIG.map)
+    fresh = OccupancyGrid(CONFIG)
     assert not np.array_equal(getattr(grid, look), getattr(fresh, look))
 
 
@@ -105,7 +105,7 @@ def test_correlation_counts_in_it(maps: TileMaps) -> None:
 
 def test_it_can_be_shown_other_maps(maps: TileMaps) -> None:
     other = TileMaps(1, SETTINGS)
-    other.draw(POSES[:1], 2 * POINT, np.zeros(2))
+    other.write(POSES[:1], 2 * POINT, np.zeros(2))
     grid = BestMap(CONFIG, maps)
     grid.follow(1)
     grid.show(other, 0)

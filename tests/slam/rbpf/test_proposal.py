@@ -14,7 +14,7 @@ from pfslam_viz.slam.rbpf.tile_maps import TileMaps, TileSettings
 Array = NDArray[np.float64]
 
 TEMPER = 0.2
-STEPS, HALVINGS = np.array([0.04, 0.02]), 6
+STEPS, HALVINGS, MOVES = np.array([0.04, 0.02]), 6, 120
 SPREAD = np.array([0.01, 0.005])
 LOOSE = np.diag([1.0, 1.0, 1.0])
 
@@ -44,7 +44,7 @@ def map_of(*rooms: Array) -> TileMaps:
         for _ in range(2):
             poses = np.full((len(rooms), 3), [100.0, 0.0, 0.0]) + np.arange(len(rooms))[:, None] * [0.0, 30.0, 0.0]
             poses[k] = 0.0
-            maps.draw(poses, points, np.zeros(2))
+            maps.write(poses, points, np.zeros(2))
     return maps
 
 
@@ -59,7 +59,19 @@ def proposed(
     guesses = np.atleast_2d(guesses)  # without normals: one sample, on the optimum itself
     normals = np.zeros((len(guesses), 1, 3)) if normals is None else normals
     return propose(
-        maps.table, maps.field, maps.origin, maps.cell, points, TEMPER, guesses, prior, STEPS, HALVINGS, normals, SPREAD
+        maps.table,
+        maps.field,
+        maps.origin,
+        maps.cell,
+        points,
+        TEMPER,
+        guesses,
+        prior,
+        STEPS,
+        HALVINGS,
+        MOVES,
+        normals,
+        SPREAD,
     )
 
 
@@ -199,7 +211,7 @@ def test_every_particle_is_proposed_by_itself(maps: TileMaps) -> None:
     for k in range(2):
         alone = propose(
             two.table[k : k + 1], two.field, two.origin, two.cell, points, TEMPER, guesses[k : k + 1], LOOSE, STEPS,
-            HALVINGS, normals[k : k + 1], SPREAD,
+            HALVINGS, MOVES, normals[k : k + 1], SPREAD,
         )  # fmt: skip
         np.testing.assert_array_equal(alone[0][0], means[k])
         assert alone[1][0] == evidence[k]

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
-from pfslam_viz.config import Config, load_config
+from pfslam_viz.config import load_config
 from pfslam_viz.evaluation.trajectory_error import trajectory_error
 from pfslam_viz.recordings import ece276a
 from pfslam_viz.recordings.recording import Recording
@@ -21,7 +21,7 @@ from pfslam_viz.simulation.sensors import true_ranges
 from pfslam_viz.slam.graph.settings import SmoothingConfig
 from pfslam_viz.slam.protocol import Estimate, Scan
 from pfslam_viz.slam.rbpf.rao_blackwellized import RaoBlackwellizedFilter
-from pfslam_viz.slam.rbpf.settings import RaoBlackwellizedConfig
+from pfslam_viz.slam.rbpf.settings import RaoBlackwellizedConfig, RbpfConfig
 from pfslam_viz.slam.rbpf.tile_maps import TileMaps, TileSettings
 
 Array = NDArray[np.float64]
@@ -34,6 +34,7 @@ ROOM = np.array([
     (-0.5, 4.5, -3, 4.5), (-3, 4.5, -3, -1.5), (-0.2, 1.3, 0.3, 1.3), (0.3, 1.3, 0.3, 1.8), (0.3, 1.8, -0.2, 1.8),
     (-0.2, 1.8, -0.2, 1.3), (2.6, -1.4, 3.6, -0.6),
 ])  # fmt: skip
+WRITTEN: list[bool] = []
 CORRIDOR = np.array([(-80.0, -1.1, 80.0, -1.1), (-80.0, 1.1, 80.0, 1.1)])
 
 
@@ -71,14 +72,15 @@ def circle(scans: int = 240) -> Array:
     return increments
 
 
-def config(**settings: object) -> Config:
+def config(**settings: object) -> RbpfConfig:
     return load_config("default", ["particles=6"]).model_copy(update=settings)
 
 
 def run(
     slam: RaoBlackwellizedFilter, recorded: Drive, look: Callable[[int, Estimate], None] | None = None
 ) -> list[Estimate]:
-    """As replay does it; ``look`` is called after every scan."""
+    """As replay does it; ``look`` is called after every scan. ``WRITTEN`` is whether each was written into the maps."""
+    WRITTEN.clear()
     out = []
     for k, scan in enumerate(recorded.scans):
         if k:
@@ -87,6 +89,7 @@ def run(
         slam.update_map(scan)
         slam.resample()
         out.append(slam.estimate())
+        WRITTEN.append(slam._keyed)
         if look:
             look(k, out[-1])
     return out
@@ -166,7 +169,7 @@ def test_the_map_in_hindsight_is_drawn_from_the_trajectory_in_hindsight(in_the_r
     drawn = TileMaps(1, TileSettings.of(slam.config))
     for key in slam._history.keys:
         points = in_the_room.scans[key].points.astype(np.float32).astype(np.float64)
-        drawn.draw(slam.trajectory()[key][None], points, SENSOR)
+        drawn.write(slam.trajectory()[key][None], points, SENSOR)
     after = known(slam.grid.log_odds, slam.grid.origin)
     assert after == known(*drawn.log_odds_of(0)) != before
 
@@ -178,7 +181,7 @@ def office(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     return ece276a.load(simulate(folder, seed=5, duration=15.0, frames=False, wheel_scale=1.05, gyro_bias=0.02))
 
 
-def replayed(recording: Recording, settings: Config) -> Result:
+def replayed(recording: Recording, settings: RbpfConfig) -> Result:
     replay = Replay(recording, settings, texture=False)
     for _ in replay:
         pass
@@ -238,16 +241,16 @@ def test_weights_particles_and_maps_belong_together(in_the_room: Drive) -> None:
         assert e.parents.shape == (8,) and e.parents.min() >= 0 and e.parents.max() < 8
         if seen and not seen[-1].resampled:
             np.testing.assert_array_equal(e.parents, np.arange(8))
-        assert e.resampled == (e.map_updated and e.n_eff < 0.9 * 8)
-        counts["key"] += e.map_updated
+        assert e.resampled == (WRITTEN[k] and e.n_eff < 0.9 * 8)
+        counts["key"] += WRITTEN[k]
         counts["resampled"] += e.resampled
-        if seen and seen[-1].map_updated and not e.map_updated:
+        if seen and WRITTEN[k - 1] and not WRITTEN[k]:
             moved = geometry.between(seen[-1].particles[e.parents], e.particles)
             np.testing.assert_allclose(moved, np.tile(moved[0], (8, 1)), atol=1e-9)
             counts["carried"] += seen[-1].resampled
-        if e.map_updated:
+        if WRITTEN[k]:
             best = int(np.argmax(e.weights))
-            index = int(np.argmax(slam._drawn == best)) if e.resampled else best
+            index = int(np.argmax(slam._ancestors == best)) if e.resampled else best
             log_odds, origin = slam._maps.log_odds_of(index)
             np.testing.assert_array_equal(slam.grid.log_odds, log_odds)
             assert slam.grid.origin == origin
@@ -256,7 +259,7 @@ def test_weights_particles_and_maps_belong_together(in_the_room: Drive) -> None:
             if counts["key"] % 5 == 1:
                 drawn = TileMaps(1, TileSettings.of(settings))
                 for pose, key in zip(key_poses, slam._history.keys, strict=True):
-                    drawn.draw(pose[None], in_the_room.scans[key].points.astype(np.float32).astype(np.float64), SENSOR)
+                    drawn.write(pose[None], in_the_room.scans[key].points.astype(np.float32).astype(np.float64), SENSOR)
                 assert known(*drawn.log_odds_of(0)) == known(log_odds, origin)
         seen.append(e)
 
@@ -269,9 +272,9 @@ def test_parents_are_the_ancestors_that_history_knows(in_the_room: Drive) -> Non
     slam = RaoBlackwellizedFilter(config(particles=8, resampling=ResamplingConfig(policy="n_eff", threshold=0.9)))
     estimates = run(slam, in_the_room)
     for particle in range(8):
-        at, poses = int(slam._drawn[particle]), []
-        for e in reversed(estimates):
-            if e.map_updated:
+        at, poses = int(slam._ancestors[particle]), []
+        for k, e in reversed(list(enumerate(estimates))):
+            if WRITTEN[k]:
                 poses.append(e.particles[at])
             at = int(e.parents[at])
         np.testing.assert_array_equal(slam._history.key_poses(particle), poses[::-1])
@@ -292,9 +295,9 @@ def test_a_scan_is_used_after_so_much_driving_or_turning(in_the_room: Drive) -> 
             if driven >= distance or turned >= angle:
                 expected.append(k)
                 driven = turned = 0.0
-        assert [k for k, e in enumerate(estimates) if e.map_updated] == expected == slam._history.keys
+        assert [k for k in range(61) if WRITTEN[k]] == expected == slam._history.keys
         assert 10 < len(expected) < 20
-        assert all((e.match is not None) == e.map_updated for e in estimates[1:])
+        assert all((e.match is not None) == written for e, written in zip(estimates[1:], WRITTEN[1:], strict=True))
 
 
 def test_far_points_are_neither_matched_nor_drawn(in_the_room: Drive) -> None:
@@ -318,7 +321,7 @@ def test_the_match_says_what_it_changed(in_the_room: Drive) -> None:
     """The correction leads from the odometry's pose to the best particle; it is about the odometry's known error."""
     slam = RaoBlackwellizedFilter(config())
     estimates = run(slam, in_the_room)
-    keys = [k for k, e in enumerate(estimates) if e.map_updated]
+    keys = np.flatnonzero(WRITTEN).tolist()
     corrections = []
     for last, key in pairwise(keys):
         match = estimates[key].match
@@ -383,20 +386,21 @@ def test_a_robot_that_stands_still(in_the_room: Drive) -> None:
     still = Drive(np.zeros((30, 3)), np.zeros((30, 3)), in_the_room.scans[:1] * 30)
     slam = RaoBlackwellizedFilter(config())
     estimates = run(slam, still)
-    assert [e.map_updated for e in estimates] == [True] + [False] * 29
+    assert WRITTEN == [True] + [False] * 29
     slam.finish()
     for poses in (np.array([e.best for e in estimates]), slam.trajectory()):
         np.testing.assert_array_equal(poses, np.zeros((30, 3)))
     once = TileMaps(1, TileSettings.of(slam.config))
-    once.draw(np.zeros((1, 3)), in_the_room.scans[0].points, SENSOR)
+    once.write(np.zeros((1, 3)), in_the_room.scans[0].points, SENSOR)
     np.testing.assert_array_equal(slam.grid.log_odds > 0, once.log_odds_of(0)[0] > 0)
 
 
 def test_at_rest_after_a_drive_nothing_moves(in_the_room: Drive) -> None:
     slam = RaoBlackwellizedFilter(config())
     estimates = run(slam, in_the_room)
+    assert not any(WRITTEN[-4:])
     for e in estimates[-4:]:
-        assert not e.map_updated and e.match is None and not e.resampled
+        assert e.match is None and not e.resampled
         np.testing.assert_allclose(e.mean, estimates[-5].mean, atol=1e-9)
     np.testing.assert_allclose(slam.trajectory()[-5:], np.tile(slam.trajectory()[-1], (5, 1)), atol=1e-9)
 
@@ -428,7 +432,7 @@ def test_without_smoothing_the_trajectory_stays_the_best_particles(in_the_room: 
     best = int(np.argmax(estimates[-1].weights))
     np.testing.assert_allclose(trajectory[-1], estimates[-1].best, atol=1e-9)
     for k, e in enumerate(estimates):
-        if e.map_updated:
+        if WRITTEN[k]:
             np.testing.assert_allclose(trajectory[k], e.particles[best], atol=1e-12)
     slam.finish()
     np.testing.assert_array_equal(slam.trajectory(), trajectory)

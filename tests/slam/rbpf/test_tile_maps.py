@@ -8,13 +8,13 @@ import pytest
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
-from pfslam_viz.config import Config
 from pfslam_viz.settings import MapConfig
-from pfslam_viz.slam import tile_maps
-from pfslam_viz.slam.rbpf.settings import RaoBlackwellizedConfig
-from pfslam_viz.slam.rbpf.tile_kernels import REACH, SIZE, agreement, join
+from pfslam_viz.slam.rbpf import tile_maps
+from pfslam_viz.slam.rbpf.settings import RaoBlackwellizedConfig, RbpfConfig
+from pfslam_viz.slam.rbpf.tile_kernels import SIZE, agreement, join
 from pfslam_viz.slam.rbpf.tile_maps import TileMaps, TileSettings, field_kernel
 
+REACH = 3  # cells
 Array = NDArray[np.float64]
 Cell = tuple[int, int]
 
@@ -42,7 +42,7 @@ class PlainMap:
     def occupied(self) -> set[Cell]:
         return {cell for cell, value in self.log_odds.items() if value > 0}
 
-    def draw(self, pose: Array, points: Array, sensor: Array) -> None:
+    def write(self, pose: Array, points: Array, sensor: Array) -> None:
         c = self.config
         before = self.occupied()
         start = cell_of(geometry.transform(pose, sensor[None])[0])
@@ -142,7 +142,7 @@ def assert_consistent(maps: TileMaps) -> None:
 
 def test_the_field_round_one_cell() -> None:
     """On it log(1 / floor); 2 cells of 5 cm away log((0.1 + 0.9 exp(-2)) / 0.1) for sigma 5 cm; a round shape."""
-    kernel = field_kernel(0.05, 0.05, 0.1)
+    kernel = field_kernel(0.05, 0.05, 0.1, 3)
     assert kernel.shape == (7, 7)
     assert kernel[3, 3] == pytest.approx(math.log(10))
     assert kernel[3, 5] == kernel[1, 3] == pytest.approx(math.log(1 + 9 * math.exp(-2)))
@@ -154,7 +154,7 @@ def test_the_field_round_one_cell() -> None:
 def test_one_beam_by_hand() -> None:
     """From (0.025, 0.025) to (0.225, 0.075): cells of row -1 then -2, the end point's not among the missed."""
     maps = TileMaps(1, config(log_odds_hit=1.0, log_odds_miss=0.25))
-    maps.draw(np.array([[0.025, 0.025, 0.0]]), np.array([[0.2, 0.05]]), np.zeros(2))
+    maps.write(np.array([[0.025, 0.025, 0.0]]), np.array([[0.2, 0.05]]), np.zeros(2))
     assert cells_of(maps, 0, maps.log_odds) == {
         (-1, 0): -0.25, (-1, 1): -0.25, (-1, 2): -0.25, (-2, 3): -0.25, (-2, 4): 1.0,
     }  # fmt: skip
@@ -166,13 +166,13 @@ def test_every_beam_counts_and_the_bounds_hold() -> None:
     """Three beams into one cell give three hits; the lidar's own cell loses a miss for each, down to the bound."""
     maps = TileMaps(1, config(log_odds_hit=0.9, log_odds_miss=0.1, log_odds_bound=1.0, free_beams=10))
     points = np.tile([[0.15, 0.0]], (3, 1))
-    maps.draw(np.array([[0.025, 0.025, 0.0]]), points[:1], np.zeros(2))
+    maps.write(np.array([[0.025, 0.025, 0.0]]), points[:1], np.zeros(2))
     assert cells_of(maps, 0, maps.log_odds)[-1, 3] == pytest.approx(0.9)
-    maps.draw(np.array([[0.025, 0.025, 0.0]]), points, np.zeros(2))
+    maps.write(np.array([[0.025, 0.025, 0.0]]), points, np.zeros(2))
     assert cells_of(maps, 0, maps.log_odds)[-1, 0] == pytest.approx(-0.4)
     assert cells_of(maps, 0, maps.log_odds)[-1, 3] == 1.0
     for _ in range(5):
-        maps.draw(np.array([[0.025, 0.025, 0.0]]), points, np.zeros(2))
+        maps.write(np.array([[0.025, 0.025, 0.0]]), points, np.zeros(2))
     assert cells_of(maps, 0, maps.log_odds)[-1, 0] == -1.0
 
 
@@ -181,7 +181,7 @@ def test_only_some_beams_clear_but_all_mark(beams: int, cleared: int) -> None:
     """At most 10 of the beams: every one of 10, every second of 11, every fourth of 35."""
     maps = TileMaps(1, config(free_beams=10, log_odds_hit=1.0, log_odds_miss=0.0625))
     x = 0.15 + 0.05 * np.arange(beams)
-    maps.draw(np.array([[0.025, 0.025, 0.0]]), np.column_stack([x, 0 * x]), np.zeros(2))
+    maps.write(np.array([[0.025, 0.025, 0.0]]), np.column_stack([x, 0 * x]), np.zeros(2))
     cells = cells_of(maps, 0, maps.log_odds)
     assert cells[-1, 0] == -0.0625 * cleared
     assert sum(value > 0 for value in cells.values()) == beams
@@ -194,8 +194,8 @@ def test_random_scans_equal_the_plain_twin() -> None:
     maps, twin = TileMaps(1, settings), PlainMap(settings)
     for k in range(60):
         points, pose = random_scan(rng), random_poses(rng, 1)
-        maps.draw(pose, points, SENSOR)
-        twin.draw(pose[0], points, SENSOR)
+        maps.write(pose, points, SENSOR)
+        twin.write(pose[0], points, SENSOR)
         if k % 6 == 0:
             assert_equal_to(maps, [twin])
             assert_consistent(maps)
@@ -211,11 +211,11 @@ def test_a_wall_that_vanishes_in_one_scan_leaves_no_field() -> None:
     maps = TileMaps(1, settings)
     pose = np.array([[0.025, 0.025, 0.0]])
     wall = np.column_stack([np.full(9, 0.5), np.linspace(-0.2, 0.2, 9)])
-    maps.draw(pose, wall, np.zeros(2))
+    maps.write(pose, wall, np.zeros(2))
     assert len(cells_of(maps, 0, maps.field)) > 9
-    maps.draw(pose, 3 * wall[::-1], np.zeros(2))  # nine beams through the nine cells
+    maps.write(pose, 3 * wall[::-1], np.zeros(2))  # nine beams through the nine cells
     far = PlainMap(settings)
-    far.draw(pose[0], 3 * wall, np.zeros(2))
+    far.write(pose[0], 3 * wall, np.zeros(2))
     assert cells_of(maps, 0, maps.field) == pytest.approx(far.field())
 
 
@@ -227,9 +227,9 @@ def test_siblings_part_when_they_write() -> None:
     for _ in range(25):
         points = random_scan(rng, beams=14)
         poses = random_poses(rng, 5)
-        maps.draw(poses, points, SENSOR)
+        maps.write(poses, points, SENSOR)
         for twin, pose in zip(twins, poses, strict=True):
-            twin.draw(pose, points, SENSOR)
+            twin.write(pose, points, SENSOR)
         assert_consistent(maps)
         if rng.random() < 0.6:
             parents = rng.integers(0, 5, 5)
@@ -245,11 +245,11 @@ def test_descendants_share_tiles_until_they_write() -> None:
     centers = 0.8 + 1.6 * np.array([[i, j, 0] for i in range(3) for j in range(3)], np.float64)
     for center in centers:
         center[2] = 0.0
-        maps.draw(np.tile(center, (3, 1)), np.array([[0.5, 0.0]]), np.zeros(2))
+        maps.write(np.tile(center, (3, 1)), np.array([[0.5, 0.0]]), np.zeros(2))
     assert len(np.unique(maps.table)) - 1 == 27
     maps.resample(np.array([1, 1, 1]))
     assert len(np.unique(maps.table)) - 1 == 9
-    maps.draw(np.tile([4.0, 4.0, 0.0], (3, 1)), np.array([[0.0, 0.5]]), np.zeros(2))
+    maps.write(np.tile([4.0, 4.0, 0.0], (3, 1)), np.array([[0.0, 0.5]]), np.zeros(2))
     assert len(np.unique(maps.table)) - 1 == 8 + 3
     assert len(maps.log_odds) == tile_maps.FIRST_TILES
 
@@ -257,9 +257,9 @@ def test_descendants_share_tiles_until_they_write() -> None:
 def test_an_only_owner_writes_in_place() -> None:
     maps = TileMaps(1, config())
     pose, points = np.array([[0.8, 0.8, 0.0]]), np.array([[0.5, 0.0]])
-    maps.draw(pose, points, np.zeros(2))
+    maps.write(pose, points, np.zeros(2))
     before = maps.table.copy()
-    maps.draw(pose, points, np.zeros(2))
+    maps.write(pose, points, np.zeros(2))
     np.testing.assert_array_equal(maps.table, before)
 
 
@@ -267,7 +267,7 @@ def test_what_nobody_maps_any_more_is_used_again() -> None:
     """Each round needs 2 tiles of which 1 survives; 256 tiles last for 600 rounds."""
     maps = TileMaps(2, config())
     for k in range(600):
-        maps.draw(np.array([[0.8, 0.8, 0.0], [0.8, 0.8, 1.0]]), np.array([[0.5, 0.0]]), np.zeros(2))
+        maps.write(np.array([[0.8, 0.8, 0.0], [0.8, 0.8, 1.0]]), np.array([[0.5, 0.0]]), np.zeros(2))
         maps.resample(np.array([k % 2, k % 2]))
         assert len(np.unique(maps.table)) == 2
     assert len(maps.log_odds) == tile_maps.FIRST_TILES
@@ -280,12 +280,12 @@ def test_more_tiles_are_made_in_the_midst_of_a_scan() -> None:
     points = 11.0 * np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
     poses = random_poses(rng, 4)
     maps = TileMaps(4, config())
-    maps.draw(poses, points, SENSOR)
+    maps.write(poses, points, SENSOR)
     assert len(maps.log_odds) > tile_maps.FIRST_TILES
     assert_consistent(maps)
     for index, pose in enumerate(poses):
         alone = TileMaps(1, config())
-        alone.draw(pose[None], points, SENSOR)
+        alone.write(pose[None], points, SENSOR)
         assert cells_of(maps, index, maps.log_odds) == cells_of(alone, 0, alone.log_odds)
         assert cells_of(maps, index, maps.field) == cells_of(alone, 0, alone.field)
 
@@ -298,9 +298,9 @@ def test_the_tables_grow_in_every_direction(direction: Cell) -> None:
         pose = np.array([step * direction[0], step * direction[1], 0.5])
         points = np.array([[0.6, 0.1], [0.3, -0.4], [-0.2, 0.5]])
         poses = np.stack([pose, pose + np.array([0.02, 0.03, 0.4])])
-        maps.draw(poses, points, SENSOR)
+        maps.write(poses, points, SENSOR)
         for twin, at in zip(twins, poses, strict=True):
-            twin.draw(at, points, SENSOR)
+            twin.write(at, points, SENSOR)
     assert_equal_to(maps, twins)
     assert_consistent(maps)
     _, origin = maps.log_odds_of(0)
@@ -312,21 +312,21 @@ def test_the_lidar_may_be_farther_out_than_any_end_point() -> None:
     settings = config()
     maps, twin = TileMaps(1, settings), PlainMap(settings)
     pose, points, sensor = np.array([1.3, 0.0, 0.0]), np.array([[0.02, 0.0]]), np.array([0.6, 0.0])
-    maps.draw(pose[None], points, sensor)
-    twin.draw(pose, points, sensor)
+    maps.write(pose[None], points, sensor)
+    twin.write(pose, points, sensor)
     assert maps.table.shape[2] > 2
     assert_equal_to(maps, [twin])
 
 
 def test_no_end_points_change_nothing() -> None:
     maps = TileMaps(2, config())
-    maps.draw(np.array([[50.0, 0, 0], [0, 0, 0]]), np.zeros((0, 2)), np.zeros(2))
+    maps.write(np.array([[50.0, 0, 0], [0, 0, 0]]), np.zeros((0, 2)), np.zeros(2))
     assert maps.table.shape == (2, 2, 2) and not maps.table.any()
 
 
 def test_log_odds_of_is_a_copy() -> None:
     maps = TileMaps(1, config())
-    maps.draw(np.zeros((1, 3)), np.array([[0.5, 0.0]]), np.zeros(2))
+    maps.write(np.zeros((1, 3)), np.array([[0.5, 0.0]]), np.zeros(2))
     log_odds, _ = maps.log_odds_of(0)
     log_odds[:] = 7.0
     assert maps.log_odds.max() < 1.0
@@ -336,7 +336,7 @@ def test_points_and_hits_of_one_map() -> None:
     """The wall at (0.525, 0.025) of map 1 alone: inside, beside, in the other map, far away."""
     here = np.zeros(3)
     maps = TileMaps(2, config())
-    maps.draw(np.array([[5.025, 5.025, 0.0], [0.025, 0.025, 0.0]]), np.array([[0.5, 0.0]]), np.zeros(2))
+    maps.write(np.array([[5.025, 5.025, 0.0], [0.025, 0.025, 0.0]]), np.array([[0.5, 0.0]]), np.zeros(2))
     points = np.array([[0.501, 0.049], [0.549, 0.001], [0.499, 0.02], [0.52, -0.001], [0.3, 0.02], [5.525, 5.025]])
     far = np.array([[-100.0, 0.025], [100.0, 0.025], [0.525, 100.0], [0.525, -100.0]])
     height, width = (SIZE * CELL * n for n in maps.table.shape[1:])
@@ -368,7 +368,7 @@ def test_settings_come_from_the_map_and_the_filter() -> None:
     numbers = {"cell": 0.1, "log_odds_hit": 0.5, "log_odds_miss": 0.2, "log_odds_bound": 3.0}
     filter_numbers = {"sigma": 0.07, "floor": 0.2, "free_beams": 99}
     settings = TileSettings.of(
-        Config(map=MapConfig(**numbers), rao_blackwellized=RaoBlackwellizedConfig(**filter_numbers))
+        RbpfConfig(map=MapConfig(**numbers), rao_blackwellized=RaoBlackwellizedConfig(**filter_numbers))
     )
     assert settings == TileSettings(**numbers, **filter_numbers)
 
@@ -424,7 +424,7 @@ def test_agreement_is_greatest_where_the_scan_was_drawn() -> None:
     """End points on the centres of cells find log(1 / floor) each, and less from anywhere else."""
     maps = TileMaps(1, config(floor=0.1))
     points = np.array([[0.525, 0.025], [0.525, 0.375], [-0.375, 0.825]])
-    maps.draw(np.zeros((1, 3)), points, np.zeros(2))
+    maps.write(np.zeros((1, 3)), points, np.zeros(2))
     args = maps.table[0], maps.field, maps.origin, CELL
     assert agreement(*args, points, 0.0, 0.0, 0.0) == pytest.approx(3 * math.log(10), rel=1e-6)
     assert agreement(*args, points, 0.02, 0.0, 0.0) < 0.95 * 3 * math.log(10)
