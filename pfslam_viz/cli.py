@@ -62,7 +62,7 @@ ConfigOpt = Annotated[
     typer.Option(
         "--config",
         metavar="NAME|PATH",
-        help="A shipped configuration or a TOML file.  [dim]default; carmen for CARMEN logs[/dim]",
+        help="A shipped configuration or a TOML file.  [dim]default[/dim]",
         rich_help_panel=FILTER,
     ),
 ]
@@ -369,6 +369,20 @@ def figures(
         every,
         quiet,
     )
+
+
+@app.command(rich_help_panel=JUDGE, epilog=examples("config", "config paper --set particles=100 > mine.toml"))
+def config(
+    name: Annotated[
+        str, typer.Argument(metavar="[NAME|PATH]", help="A shipped configuration or a TOML file.")
+    ] = "default",
+    settings: SetOpt = None,
+    markdown: Annotated[bool, typer.Option("--markdown", help="The reference of all settings instead.")] = False,
+) -> None:
+    """Print every setting with value, range and meaning, as TOML that --config reads back."""
+    from pfslam_viz.commands import config as command
+
+    command.run(name, tuple(settings or ()), markdown)
 
 
 def call(arguments: Sequence[str]) -> int:

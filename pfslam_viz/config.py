@@ -155,9 +155,9 @@ def _unread(model: type[BaseModel], key: tuple[str | int, ...]) -> str:
     others = [backend for backend, row in BACKENDS.items() if row.settings is not model and _has(row.settings, key)]
     if own is None:
         return f"unknown key '{name}'"
-    if others:
-        return f"'{name}' is a setting of the filter {' and '.join(others)}, which {own} does not read"
-    return f"the filter {own} knows no key '{name}'"
+    return f"unknown key '{name}': the filter {own} does not read it" + (
+        f", {' and '.join(others)} does" * bool(others)
+    )
 
 
 def _has(model: Any, key: tuple[str | int, ...]) -> bool:
