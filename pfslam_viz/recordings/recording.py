@@ -213,12 +213,7 @@ class Recording:
             lidar_height: m above the ground.
             name: what to call it.
             truth: true poses of the robot, (n, 3) at the scans or a Trajectory with stamps of its own, if known.
-            relations: true relative poses, if known.
-            frames: the camera's images, if any.
-            notes: what is known to be wrong with the data.
-            streams: every sensor's own stamps, for ``info``.
-            format: the format's name.
-            path: the file or folder that the arrays came from.
+            relations, frames, notes, streams, format, path: as in the class.
 
         Raises:
             InputError: an array has another shape, or numbers that are none; there are no scans; both kinds of
@@ -259,7 +254,8 @@ class Recording:
     @property
     def times(self) -> Array:
         """(n,) s since the first scan."""
-        return self.stamps - self.stamps[0]
+        times: Array = self.stamps - self.stamps[0]
+        return times
 
     @property
     def duration(self) -> float:

@@ -4,8 +4,8 @@ import sys
 
 import pytest
 
-from pfslam_viz.viewer import importer
-from pfslam_viz.viewer.importer import NOT_OURS, main, may_be_ours
+from pfslam_viz.commands import importer
+from pfslam_viz.commands.importer import NOT_OURS, main, may_be_ours
 
 LOG = "FLASER 3 1.0 1.0 1.0 0 0 0 0 0 0 {t} host {t}\n"
 
@@ -83,7 +83,7 @@ def test_the_command_refuses_quickly_without_importing_anything_heavy(tmp_path):
     path = tmp_path / "picture.png"
     path.write_bytes(b"\x89PNG")
     code = (
-        "import sys; from pfslam_viz.viewer.importer import main; status = main(sys.argv[1:]);"
+        "import sys; from pfslam_viz.commands.importer import main; status = main(sys.argv[1:]);"
         "print(status, [m for m in ('numpy', 'rerun', 'cv2', 'numba', 'scipy', 'pydantic') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True)
@@ -98,7 +98,7 @@ def test_it_writes_a_recording_to_standard_output(tmp_path):
     path.write_text("".join(line.format(ranges=ranges, x=0.05 * k, t=0.2 * k) for k in range(8)))
     arguments = [str(path), "--application-id", "drive", "--recording-id", "r1"]
     done = subprocess.run(
-        [sys.executable, "-m", "pfslam_viz.viewer.importer", *arguments], capture_output=True, check=False
+        [sys.executable, "-m", "pfslam_viz.commands.importer", *arguments], capture_output=True, check=False
     )
     assert done.returncode == 0, done.stderr.decode()
     assert done.stdout[:4] == b"RRF2"
