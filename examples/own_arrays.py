@@ -1,7 +1,7 @@
 """Run the filter on your own arrays: here those of a robot that drives round in a simulated room.
 
-    python examples/own_arrays.py             prints the error against the true poses
-    python examples/own_arrays.py room.rrd    writes the replay besides; open it with: rerun room.rrd
+python examples/own_arrays.py             prints the error against the true poses
+python examples/own_arrays.py room.rrd    writes the replay besides; open it with: rerun room.rrd
 """
 
 import sys
@@ -37,8 +37,9 @@ def distances_to_walls(poses: Array) -> Array:
     directions = np.stack([np.cos(headings), np.sin(headings)], axis=-1)  # (n, B, 2)
     walls = np.where(directions > 0, HALF_ROOM, -HALF_ROOM)  # that each beam meets, in x and in y
     with np.errstate(divide="ignore"):
-        reach: Array = ((walls - poses[:, None, :2]) / directions).min(axis=-1)
-    return reach
+        reach = np.abs((walls - poses[:, None, :2]) / directions)
+    nearest: Array = reach.min(axis=-1)
+    return nearest
 
 
 def rmse(poses: Array, truth: Array) -> float:
