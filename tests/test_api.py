@@ -33,7 +33,7 @@ def test_names() -> None:
         assert getattr(pf, name) is not None
         assert name in dir(pf)
     with pytest.raises(AttributeError, match="has no attribute 'walk'"):
-        pf.walk  # type: ignore[attr-defined]  # noqa: B018
+        pf.walk  # noqa: B018
 
 
 def test_run(rest: pf.Recording) -> None:

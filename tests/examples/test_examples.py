@@ -38,7 +38,12 @@ def test_compare_two_configs(capsys: pytest.CaptureFixture[str], monkeypatch: py
     room = example("own_arrays").drive(40)
     module = example("compare_two_configs")
     read: list[str] = []
-    monkeypatch.setattr(module.pf, "load_recording", lambda name: read.append(name) or room)
+
+    def load(name: str) -> object:
+        read.append(name)
+        return room
+
+    monkeypatch.setattr(module.pf, "load_recording", load)
     module.main([])
     module.main(["room", "default"])
     lines = capsys.readouterr().out.splitlines()

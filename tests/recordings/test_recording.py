@@ -17,7 +17,7 @@ CAMERA = CameraGeometry(position=(0, 0, 0))
 
 def lidar(**changes: Any) -> Lidar:
     fields = {"angles": [-1.0, 0.0, 1.0], "range_min": 0.1, "range_max": 30.0, "pose": np.zeros(3)}
-    return Lidar(**{**fields, **changes})  # type: ignore[arg-type]
+    return Lidar(**{**fields, **changes})
 
 
 def recording(**changes: Any) -> Recording:
@@ -157,7 +157,7 @@ def test_from_arrays_with_either_kind_of_odometry() -> None:
     np.testing.assert_allclose(by_steps.dead_reckoning()[:, :2], CORNERS[:, :2], atol=1e-12)
     assert (by_steps.name, by_steps.format, by_steps.path, by_steps.notes) == ("arrays", "arrays", None, ())
     assert by_steps.lidar.pose.tolist() == [0.3, 0, 0] and by_steps.lidar.range_max == 20
-    moved = CORNERS + [5.0, 7.0, 0.0]
+    moved = CORNERS + np.array([5.0, 7.0, 0.0])
     by_poses = Recording.from_arrays([0, 1, 2, 3], SCANS, [-1, 0, 1], odometry_poses=moved, truth=moved)
     np.testing.assert_allclose(by_poses.odometry, by_steps.odometry, atol=1e-12)
     assert by_poses.truth is not None and by_poses.truth.poses[2].tolist() == moved[2].tolist()
