@@ -79,7 +79,7 @@ class Corridor:
                     weights=weights,
                     best=best,
                     mean=geometry.mean_pose(particles, weights),
-                    covariance=geometry.pose_covariance(particles, weights),
+                    covariance=np.cov(particles.T, aweights=weights, ddof=0),
                     n_eff=float(1.0 / (weights**2).sum()),
                     resampled=True,
                     informative=True,
