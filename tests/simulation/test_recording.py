@@ -9,7 +9,8 @@ from pfslam_viz.errors import InputError
 from pfslam_viz.recordings.ece276a import load
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.simulation import demo
-from pfslam_viz.simulation.recording import VERSION, simulate
+from pfslam_viz.simulation.manifest import VERSION
+from pfslam_viz.simulation.recording import simulate
 
 
 @pytest.fixture(scope="module")
