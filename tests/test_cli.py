@@ -1,6 +1,7 @@
 """The command line: options, exit statuses, what is printed where, and what is left on disk."""
 
 import errno
+import http.server
 import json
 import os
 import re
@@ -9,6 +10,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -102,15 +104,19 @@ def test_start_up_imports_nothing_heavy(statement: str) -> None:
     [
         (["recordings"], 0),
         (["info", "{drive}"], 0),
-        (["fetch", "intel", "--quiet", "--base-url", "http://127.0.0.1:9"], 1),  # where nothing answers
+        (["fetch", "intel", "--quiet", "--base-url", "{empty}"], 1),
     ],
 )
 def test_commands_about_recordings_load_no_filter_and_no_viewer(
     drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], status: int
 ) -> None:
     monkeypatch.setenv("PFSLAM_RECORDINGS", str(tmp_path))
-    line = [argument.format(drive=drive) for argument in arguments]
-    assert loaded_by(line, ("rerun", "cv2", "numba", "scipy", "matplotlib")) == [str(status)]
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), http.server.BaseHTTPRequestHandler) as server:
+        threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()  # it has no file for anybody
+        line = [argument.format(drive=drive, empty=f"http://127.0.0.1:{server.server_port}") for argument in arguments]
+        loaded = loaded_by(line, ("rerun", "cv2", "numba", "scipy", "matplotlib"))
+        server.shutdown()
+    assert loaded == [str(status)]
 
 
 def test_the_demo_is_looked_up_without_its_simulator(drive: Path, tmp_path: Path) -> None:

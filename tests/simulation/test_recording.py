@@ -138,7 +138,7 @@ def test_demo_is_made_once_and_again_for_a_new_generator(tmp_path: Path, monkeyp
         made.append((seed, building))
         return simulate(out, seed=seed, building=building, duration=5.0, frames=False)
 
-    monkeypatch.setattr(demo, "simulate", simulate_shortly)
+    monkeypatch.setattr("pfslam_viz.simulation.recording.simulate", simulate_shortly)
     assert demo.ensure_demo(tmp_path) == tmp_path / "demo"
     demo.ensure_demo(tmp_path)
     assert made == [(demo.SEED, demo.BUILDING)] and (tmp_path / "demo" / "Hokuyo1.npz").is_file()
