@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -111,8 +112,9 @@ def test_commands_about_recordings_load_no_filter_and_no_viewer(
     drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], status: int
 ) -> None:
     monkeypatch.setenv("PFSLAM_RECORDINGS", str(tmp_path))
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), http.server.BaseHTTPRequestHandler) as server:
-        threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()  # it has no file for anybody
+    empty_folder = partial(http.server.SimpleHTTPRequestHandler, directory=tmp_path)
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), empty_folder) as server:
+        threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
         line = [argument.format(drive=drive, empty=f"http://127.0.0.1:{server.server_port}") for argument in arguments]
         loaded = loaded_by(line, ("rerun", "cv2", "numba", "scipy", "matplotlib"))
         server.shutdown()

@@ -8,13 +8,16 @@ import cv2
 import numpy as np
 import pytest
 
+from pfslam_viz import figures_layers
 from pfslam_viz.config import Config, MapConfig
 from pfslam_viz.errors import InputError
-from pfslam_viz.figures import WALL, Path2D, draw_texture, grid_layer, map_limits, texture_layer, write_figures
+from pfslam_viz.figures import require_matplotlib, write_figures
+from pfslam_viz.figures_drawing import LEFT, TOP, Picture, draw_texture
+from pfslam_viz.figures_layers import FREE, WALL, Limits, Path2D, grid_layer, map_limits, texture_layer
 from pfslam_viz.figures_page import Figure, write_page
-from pfslam_viz.plot import LEFT, TOP, Limits, Plot
 from pfslam_viz.recordings.recording import Lidar, Recording
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
+from pfslam_viz.viewer import entities
 
 
 @dataclass
@@ -63,7 +66,7 @@ def test_walls_are_at_their_place_in_the_picture(recording: Recording, tmp_path:
     for ranges, x in zip(recording.ranges, np.linspace(0, 2, 40), strict=True):
         points = ranges[:, None] * np.stack([np.cos(recording.lidar.angles), np.sin(recording.lidar.angles)], axis=-1)
         grid.add(np.array([x, 0.0, 0.0]), points.astype(np.float64), np.zeros(2))
-    plot = Plot(map_limits(grid_layer(grid), recording.dead_reckoning()))
+    plot = Picture(map_limits(grid_layer(grid), recording.dead_reckoning()), FREE, 0)
     for x, y, dark in [(4.03, 0.6, True), (3.8, 0.6, False), (4.2, 0.6, False), (1.0, 2.0, True), (1.0, 1.8, False)]:
         column = int(LEFT + (x - plot.limits.left) * plot.scale)
         row = int(TOP + (plot.limits.top - y) * plot.scale)
@@ -102,6 +105,31 @@ def test_wrong_use_is_one_line(recording: Recording, tmp_path: Path) -> None:
         write_figures(recording.select(0, 0), Config(), tmp_path)
 
 
+def test_colors_are_the_viewers() -> None:
+    for name in ("DEAD_RECKONING", "FILTER", "TRUTH"):
+        assert getattr(figures_layers, name) == getattr(entities, name)
+
+
+def test_without_matplotlib_it_is_said_what_to_install(
+    recording: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pfslam_viz.figures.find_spec", lambda name: None)
+    with pytest.raises(InputError, match=r"pip install 'pfslam-viz\[figures\]'"):
+        require_matplotlib()
+    with pytest.raises(InputError, match=r"pfslam-viz\[figures\]"):
+        write_figures(recording, Config(), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_users_own_matplotlib_settings_do_not_matter(recording: Recording, tmp_path: Path) -> None:
+    import matplotlib
+
+    plain = write_figures(recording, Config(particles=2), tmp_path / "a", 1000)
+    with matplotlib.rc_context({"font.size": 30, "lines.linewidth": 9, "image.origin": "lower", "axes.grid": False}):
+        other = write_figures(recording, Config(particles=2), tmp_path / "b", 1000)
+    assert [path.read_bytes() for path in plain[:-1]] == [path.read_bytes() for path in other[:-1]]
+
+
 def test_page_shows_every_section_once(recording: Recording, tmp_path: Path) -> None:
     from pfslam_viz.replay import Replay
 
@@ -131,7 +159,7 @@ def test_texture_is_drawn_on_the_floor_with_walls_beside_it() -> None:
     path = Path2D(np.array([[0.2, -2.0, 0], [0.4, -2.0, 0]]), (0, 114, 220), "particle filter")
     floor = texture_layer(Painted(color, weight, (20, 20), 0.1))  # type: ignore[arg-type]
     picture = draw_texture(limits, layer, floor, path, "floor", "")
-    plot = Plot(limits)
+    plot = Picture(limits, FREE, 0)
 
     def pixel(x: float, y: float) -> list[int]:
         return picture[

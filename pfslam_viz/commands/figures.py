@@ -6,12 +6,13 @@ from pfslam_viz import console
 from pfslam_viz.commands.choices import ConfigChoice, RecordingChoice
 from pfslam_viz.commands.progress import load_kernels, replay_progress
 from pfslam_viz.commands.replay import load
-from pfslam_viz.figures import write_figures
+from pfslam_viz.figures import require_matplotlib, write_figures
 from pfslam_viz.files import check_writable
 
 
 def run(chosen: RecordingChoice, config_choice: ConfigChoice, out: Path, every: int, quiet: bool) -> None:
     """Run the filter once and write the pictures into the folder ``out``."""
+    require_matplotlib()
     check_writable(out, folder=True)
     recording, config = load(chosen, config_choice, quiet)
     load_kernels(quiet)
