@@ -73,14 +73,16 @@ class Picture:
         line.set_solid_joinstyle("round")
         if casing:
             line.set_path_effects([withStroke(linewidth=width + 2.5, foreground="white")])
-        self._entries.append(Line2D([], [], color=_rgb(path.color), linewidth=3, label=path.label))
+        self._entries.insert(
+            0, Line2D([], [], color=_rgb(path.color), linewidth=3, label=path.label)
+        )  # the top one first
 
-    def ends(self, path: Path2D) -> None:
-        """A ring where the trajectory begins, and an arrowhead where the robot is and to where it looks."""
+    def ends(self, path: Path2D, size: float = 28.0) -> None:
+        """A ring where the trajectory begins, and an arrowhead of ``size`` pixels where the robot is, along its heading."""
         self._marker(path.poses[0, :2], MarkerStyle("o"), 10, "white", _rgb(path.color), 2.5, "start")
         heading = Affine2D().rotate(float(path.poses[-1, 2]))
         head = MarkerStyle(Outline(ARROWHEAD), transform=heading)
-        self._marker(path.poses[-1, :2], head, 28, _rgb(path.color), "white", 1.2, "robot")
+        self._marker(path.poses[-1, :2], head, size, _rgb(path.color), "white", 1.2, "robot")
         self._entries[-1].set_marker(Outline(ARROWHEAD))  # type: ignore[attr-defined]  # level in the legend
 
     def dots(self, points: Array, color: Color, label: str, size: float = 3.0) -> None:
@@ -122,8 +124,8 @@ class Picture:
             labelcolor=INK,
         )  # fmt: skip
         canvas = FigureCanvasAgg(self.figure)
-        canvas.draw()
-        return np.array(canvas.buffer_rgba(), np.uint8)[..., :3]
+        canvas.draw()  # type: ignore[no-untyped-call]
+        return np.array(canvas.buffer_rgba(), np.uint8)[..., :3]  # type: ignore[no-untyped-call]
 
     def _marker(
         self, at: Array, marker: MarkerStyle, size: float, face: object, edge: object, edge_width: float, label: str

@@ -51,13 +51,13 @@ def test_lines_dots_and_the_robot_lie_where_they_are() -> None:
     plot = Picture(Limits(0, 20, 0, 20), FREE, 0)
     plot.path(path([[2.2, 3.3, 0], [15.2, 3.3, 0], [15.2, 12.2, 0]], BLUE), 4)
     plot.dots(np.array([[7.3, 7.3]]), RED, "dots", 8)
-    plot.ends(path([[4.3, 12.3, 0], [12.3, 17.3, np.pi / 2]], GREEN))
+    plot.ends(path([[4.3, 12.3, 0], [12.3, 17.3, np.pi / 2]], GREEN), 60)
     plot.path(path([[1.0, 1.0, 0]], BLUE), 4)  # one pose is no line, and no error
     picture = plot.finish("lines", "")
     assert pixel(plot, picture, 8.7, 3.3) == pytest.approx(list(BLUE), abs=2)
     assert pixel(plot, picture, 15.2, 8.8) == pytest.approx(list(BLUE), abs=2)
     assert pixel(plot, picture, 7.3, 7.3) == pytest.approx(list(RED), abs=2)
-    ahead = 6 / plot.scale  # it looks up: green ahead of its centre, notched behind
+    ahead = 15 / plot.scale  # it looks up: green ahead of its centre, notched behind
     assert pixel(plot, picture, 12.3, 17.3 + ahead) == pytest.approx(list(GREEN), abs=2)
     assert pixel(plot, picture, 12.3, 17.3 - ahead) != pytest.approx(list(GREEN), abs=60)
     assert pixel(plot, picture, 4.3, 12.3) == [255, 255, 255]  # the ring where it began, and its edge
