@@ -78,7 +78,7 @@ class Picture:
         )  # the top one first
 
     def ends(self, path: Path2D, size: float = 28.0) -> None:
-        """A ring where the trajectory begins, and an arrowhead of ``size`` pixels where the robot is, along its heading."""
+        """A ring where the trajectory begins, and an arrowhead of ``size`` pixels at its end, along the heading."""
         self._marker(path.poses[0, :2], MarkerStyle("o"), 10, "white", _rgb(path.color), 2.5, "start")
         heading = Affine2D().rotate(float(path.poses[-1, 2]))
         head = MarkerStyle(Outline(ARROWHEAD), transform=heading)
