@@ -30,6 +30,13 @@ class Painted:
     cell: float
 
 
+def read(path: Path) -> np.ndarray:
+    """A picture (rows, columns, 3), RGB."""
+    image = cv2.imread(str(path))
+    assert image is not None
+    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
+
+
 @pytest.fixture(scope="module")
 def recording() -> Recording:
     """Straight through the middle of a 6 x 4 m room, 2 m in 40 scans."""
@@ -41,7 +48,9 @@ def recording() -> Recording:
     steps = np.zeros((n, 3))
     steps[1:, 0] = np.diff(x[:, 0])
     lidar = Lidar(angles, 0.1, 30.0, np.zeros(3))
-    return Recording("a <room>", "test", Path("room"), np.arange(n) * 0.1, ranges.astype(np.float32), lidar, steps)
+    return Recording(
+        "a <room>", "test", Path("room"), np.arange(float(n)) * 0.1, ranges.astype(np.float32), lidar, steps
+    )
 
 
 def test_writes_the_papers_figures_in_its_order(recording: Recording, tmp_path: Path) -> None:
@@ -51,7 +60,7 @@ def test_writes_the_papers_figures_in_its_order(recording: Recording, tmp_path: 
     assert [file.name for file in files] == names
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == names
     assert seen == list(range(40))
-    pictures = [cv2.imread(str(file)) for file in files[:-1]]
+    pictures = [read(file) for file in files[:-1]]
     assert pictures[2].shape == pictures[3].shape  # over time: the same limits
     page = files[-1].read_text(encoding="utf-8")
     assert re.findall(r'<img src="([^"]+)"', page) == names[:-1]
@@ -61,7 +70,7 @@ def test_writes_the_papers_figures_in_its_order(recording: Recording, tmp_path: 
 def test_walls_are_at_their_place_in_the_picture(recording: Recording, tmp_path: Path) -> None:
     """The right wall at x = 4 and the upper one at y = 2, in the PNG of dead reckoning, which is true here."""
     files = write_figures(recording, Config(particles=1), tmp_path, 1000)
-    image = cv2.cvtColor(cv2.imread(str(files[0])), cv2.COLOR_BGR2RGB).astype(int)
+    image = read(files[0]).astype(int)
     grid = OccupancyGrid(MapConfig())
     for ranges, x in zip(recording.ranges, np.linspace(0, 2, 40), strict=True):
         points = ranges[:, None] * np.stack([np.cos(recording.lidar.angles), np.sin(recording.lidar.angles)], axis=-1)
@@ -162,9 +171,9 @@ def test_texture_is_drawn_on_the_floor_with_walls_beside_it() -> None:
     plot = Picture(limits, FREE, 0)
 
     def pixel(x: float, y: float) -> list[int]:
-        return picture[
-            int(TOP + (plot.limits.top - y) * plot.scale), int(LEFT + (x - plot.limits.left) * plot.scale)
-        ].tolist()
+        row, column = TOP + (plot.limits.top - y) * plot.scale, LEFT + (x - plot.limits.left) * plot.scale
+        color: list[int] = picture[int(row), int(column)].tolist()
+        return color
 
     assert pixel(0.3, 0.4) == pytest.approx([200, 100, 50], abs=1)
     assert pixel(0.95, 0.95) == pytest.approx([200, 100, 50], abs=1)

@@ -61,7 +61,7 @@ def test_transform_by_hand() -> None:
 
 def test_accumulate_drives_a_square_back_to_its_start() -> None:
     side = [[2.0, 0.0, QUARTER]] * 4
-    expected = [[2, 0, QUARTER], [2, 2, -math.pi], [0, 2, -QUARTER], [0, 0, 0]]
+    expected = [[2.0, 0.0, QUARTER], [2.0, 2.0, -math.pi], [0.0, 2.0, -QUARTER], [0.0, 0.0, 0.0]]
     np.testing.assert_allclose(geometry.accumulate(side), expected, atol=1e-12)
 
 
@@ -84,7 +84,7 @@ def test_mean_pose_takes_the_short_way_round() -> None:
 def test_pose_covariance_by_hand() -> None:
     poses = [[1, 0, 0.1], [-1, 0, -0.1]]
     np.testing.assert_allclose(
-        geometry.pose_covariance(poses, [5, 5]), [[1, 0, 0.1], [0, 0, 0], [0.1, 0, 0.01]], atol=1e-12
+        geometry.pose_covariance(poses, [5, 5]), [[1.0, 0.0, 0.1], [0.0, 0.0, 0.0], [0.1, 0.0, 0.01]], atol=1e-12
     )
 
 
