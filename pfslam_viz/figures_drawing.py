@@ -5,6 +5,7 @@ picture, which are matplotlib's points here.
 """
 
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -73,9 +74,8 @@ class Picture:
         line.set_solid_joinstyle("round")
         if casing:
             line.set_path_effects([withStroke(linewidth=width + 2.5, foreground="white")])
-        self._entries.insert(
-            0, Line2D([], [], color=_rgb(path.color), linewidth=3, label=path.label)
-        )  # the top one first
+        entry = Line2D([], [], color=_rgb(path.color), linewidth=3, label=path.label)
+        self._entries.insert(0, entry)  # the one on top first
 
     def ends(self, path: Path2D, size: float = 28.0) -> None:
         """A ring where the trajectory begins, and an arrowhead of ``size`` pixels at its end, along the heading."""
@@ -98,8 +98,8 @@ class Picture:
     def finish(self, title: str, subtitle: str) -> Image:
         """The whole picture (rows, columns, 3) RGB, with title, axes, scale bar and legend."""
         width, height = self.figure.get_size_inches() * DPI
-        self.figure.text(LEFT / width, 1 - 38 / height, title, fontsize=20, color=INK, weight="bold")
-        self.figure.text(LEFT / width, 1 - 66 / height, subtitle, fontsize=13, color=FAINT)
+        self.figure.text(LEFT / width, 1 - 38 / height, title, fontsize=20, color=INK, weight="bold", parse_math=False)
+        self.figure.text(LEFT / width, 1 - 66 / height, subtitle, fontsize=13, color=FAINT, parse_math=False)
         axes = self.axes
         axes.set_xlabel("x (m)", fontsize=13, color=INK)
         axes.set_ylabel("y (m)", fontsize=13, color=INK)
@@ -124,7 +124,9 @@ class Picture:
             labelcolor=INK,
         )  # fmt: skip
         canvas = FigureCanvasAgg(self.figure)
-        canvas.draw()  # type: ignore[no-untyped-call]
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Glyph")  # a name in a script that the font lacks: boxes, and no remark
+            canvas.draw()  # type: ignore[no-untyped-call]
         return np.array(canvas.buffer_rgba(), np.uint8)[..., :3]  # type: ignore[no-untyped-call]
 
     def _marker(
