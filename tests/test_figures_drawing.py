@@ -99,9 +99,7 @@ def test_the_legend_is_whole_and_below_the_axis(limits: Limits) -> None:
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize(
-    ("name", "other"), [("Gebaude", "Gebäude"), ("cost $5 $", "cost 5"), ("x^$y", "x^y"), ("廊下", "")]
-)
+@pytest.mark.parametrize(("name", "other"), [("Gebaude", "Gebäude"), (r"a $\nothing$", "a"), ("廊下", "")])
 def test_any_name_is_written_as_it_is(name: str, other: str) -> None:
     limits = Limits(0, 7, 0, 13)
     assert (drawn(name, np.zeros((2, 3)), limits) != drawn(other, np.zeros((2, 3)), limits)).any()
