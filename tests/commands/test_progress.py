@@ -22,7 +22,7 @@ def test_compiling_is_told_once_a_run_and_never_when_quiet(monkeypatch: pytest.M
     progress._say_compiling.cache_clear()
     for _ in range(2):
         with progress.replay_progress(empty_recording(), quiet) as bar:
-            assert njit(lambda x: x + 1)(1) == 2
+            assert njit()(lambda x: x + 1)(1) == 2
             bar.advance()
     progress._say_compiling.cache_clear()
     assert told == ([] if quiet else [progress.COMPILING])

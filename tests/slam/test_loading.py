@@ -29,7 +29,7 @@ def test_what_is_compiled_already_is_not_announced() -> None:
 def compiled() -> Callable[[float], float]:
     """A new function every time, to be compiled on its first call."""
 
-    @njit
+    @njit()
     def double(x: float) -> float:
         return 2 * x
 
