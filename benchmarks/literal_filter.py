@@ -39,7 +39,8 @@ class LiteralMap:
     def correlation(self, x: Array, y: Array) -> Array:
         """(26) for the end points (N, m) of every particle."""
         row, column = self.cells(x, y)
-        return self.occupied[row, column].sum(axis=1, dtype=np.float64)
+        correlation: Array = self.occupied[row, column].sum(axis=1, dtype=np.float64)
+        return correlation
 
     def add(self, pose: Array, points: Array, origin: Array) -> None:
         """(28): free along the rays by Bresenham's line, occupied at their ends, each cell once a scan."""

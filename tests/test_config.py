@@ -199,7 +199,7 @@ def test_a_file_that_is_not_text(tmp_path: Path) -> None:
 
 def test_a_configuration_cannot_be_changed() -> None:
     with pytest.raises(ValueError, match="frozen"):
-        load_config("paper").particles = 3
+        load_config("paper").particles = 3  # type: ignore[misc]
 
 
 @pytest.mark.parametrize("name", ["paper", "default"])

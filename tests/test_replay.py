@@ -16,6 +16,7 @@ from pfslam_viz.slam import kernels, map_kernels
 from pfslam_viz.slam.warm_up import warm_up
 
 Array = NDArray[np.float64]
+Map = NDArray[np.float32]
 
 # A room of 8 x 6 m about the origin with a box in a corner: x0, y0, x1, y1 of every wall, m.
 WALLS = np.array(
@@ -38,7 +39,8 @@ def cast(pose: Array) -> NDArray[np.float32]:
         distance = (start[:, 0] * along[:, 1] - start[:, 1] * along[:, 0]) / cross
         on_wall = (start[:, 0] * beams[:, None, 1] - start[:, 1] * beams[:, None, 0]) / cross
     distance[~((distance > 0) & (on_wall >= 0) & (on_wall <= 1))] = np.inf
-    return distance.min(axis=1).astype(np.float32)
+    ranges: NDArray[np.float32] = distance.min(axis=1).astype(np.float32)
+    return ranges
 
 
 def drive(scans: int = 120, drift: float = 0.002) -> Recording:
@@ -50,7 +52,7 @@ def drive(scans: int = 120, drift: float = 0.002) -> Recording:
     ranges = np.array([cast(pose) for pose in truth]) + rng.normal(0, 0.01, (scans, 541))
     odometry = increments + rng.normal(0, [1e-3, 1e-3, 5e-4], (scans, 3)) + [0.0, 0.0, drift]
     odometry[0] = 0.0
-    stamps = 100.0 + 0.025 * np.arange(scans)
+    stamps = 100.0 + 0.025 * np.arange(float(scans))
     return Recording(
         name="room", format="ece276a", path=Path("room"), stamps=stamps, ranges=ranges.astype(np.float32), lidar=LIDAR,
         odometry=odometry, truth=Trajectory(stamps, truth),
@@ -104,7 +106,8 @@ def test_the_walls_are_where_they_are(room: Recording, paper: Config) -> None:
 def distance_to(wall: Array, points: Array) -> Array:
     start, along = wall[:2], wall[2:] - wall[:2]
     share = np.clip((points - start) @ along / (along @ along), 0, 1)
-    return np.hypot(*(points - start - share[:, None] * along).T)
+    distance: Array = np.hypot(*(points - start - share[:, None] * along).T)
+    return distance
 
 
 def test_steps_tell_what_happened(room: Recording, paper: Config) -> None:
@@ -129,7 +132,7 @@ def test_steps_tell_what_happened(room: Recording, paper: Config) -> None:
     np.testing.assert_array_equal(only.grid.log_odds, only.dead_reckoning_grid.log_odds)
 
 
-def run(recording: Recording, config: Config, threads: int | None = None) -> tuple[Array, Array, Array]:
+def run(recording: Recording, config: Config, threads: int | None = None) -> tuple[Array, Map, Map]:
     replay = Replay(recording, config, threads=threads)
     for _ in replay:
         pass

@@ -40,10 +40,10 @@ def frames_of(folder: Path, stamps: list[float], **replaced: dict[int, Path | No
     assert camera is not None
     color = write(folder / "color.png", np.full((480, 640, 3), (30, 20, 10), np.uint8))  # BGR on disk
     disparity = write(folder / "disparity.png", np.full((480, 640), 712, np.uint16))
-    paths = {"color": [color] * len(stamps), "disparity": [disparity] * len(stamps)}
+    paths: dict[str, list[Path | None]] = {"color": [color] * len(stamps), "disparity": [disparity] * len(stamps)}
     for what, others in replaced.items():
         for index, path in others.items():
-            paths[what][index] = path  # type: ignore[call-overload]
+            paths[what][index] = path
     at = np.array(stamps)
     return Frames(at, tuple(paths["color"]), at + 0.01, tuple(paths["disparity"]), camera)
 
