@@ -12,7 +12,7 @@ from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.viewer import archetypes, entities, pages, style
 from pfslam_viz.viewer.block import Block
 from pfslam_viz.viewer.blueprint import blueprint
-from pfslam_viz.viewer.entities import LIDAR_Z, PARTICLE_Z, POSE_Z, TRAIL_Z, TRUTH_Z, Entities
+from pfslam_viz.viewer.entities import ONLY_RUN, RUN_CURVES, Color, Entity
 from pfslam_viz.viewer.framing import Framing
 from pfslam_viz.viewer.pictures import Cells, Picture
 from pfslam_viz.viewer.sinks import Sink
@@ -31,8 +31,8 @@ class Drawing:
         recording: what is replayed.
         config: with which settings.
         sink: where it goes.
-        names: what the run's entities are called.
         max_particles: at most so many of a scan are drawn.
+        run: what the run is called in the paths of its entities.
         color: the run's colour.
         shared: whether to draw what runs have in common: dead reckoning and truth.
     """
@@ -42,18 +42,18 @@ class Drawing:
         recording: Recording,
         config: Config,
         sink: Sink,
-        names: Entities,
         max_particles: int,
         *,
-        color: entities.Color = entities.FILTER,
+        run: str = ONLY_RUN,
+        color: Color = entities.FILTER,
         shared: bool = True,
     ) -> None:
-        self.recording, self.config, self.sink, self.entities = recording, config, sink, names
+        self.recording, self.config, self.sink, self.run = recording, config, sink, run
         self.logged: set[str] = set()
         self._max_particles, self._shared = max_particles, shared
-        self._trails: dict[str, Trail] = {}
+        self._trails: dict[Entity, Trail] = {}
         self._spreads = np.zeros(0)
-        style.style_run(sink, names, color, recording.frames)
+        style.style_run(sink, run, color, recording.frames)
         if shared:
             style.style_shared(sink, recording)
 
@@ -75,87 +75,95 @@ class Drawing:
     def finish(self, framing: Framing | None, left_out: Sequence[str]) -> None:
         """Everything is drawn: settle the particles' own view; with ``framing``, the pages and the layout too."""
         if len(self._spreads):
-            style.log_loupe(self.sink, self.entities, float(np.percentile(self._spreads, 75)))
+            style.log_loupe(self.sink, self.run, float(np.percentile(self._spreads, 75)))
         if framing is not None:
             send_scene([self], framing, left_out)
 
     # Blocks of scans --------------------------------------------------------------------------------------------------
 
-    def _send(self, path: str, block: Block, columns: Any) -> None:
+    def _send(self, row: Entity, block: Block, columns: Any) -> None:
+        self._send_rows(row.path(self.run), block.index, block.time, columns)
+
+    def _send_rows(self, path: str, steps: Any, seconds: Any, columns: Any) -> None:
         self.logged.add(path)
-        self.sink.send_columns(path, archetypes.time_columns(block.index, block.time), columns)
+        self.sink.send_columns(path, archetypes.time_columns(steps, seconds), columns)
 
     def _draw_run(self, block: Block) -> None:
-        path = self.entities.filter
-        particles, headings = archetypes.particle_columns(block, self._max_particles, PARTICLE_Z)
-        self._send(path("particles"), block, particles)
-        self._send(path("headings"), block, headings)
+        particles, headings = archetypes.particle_columns(block, self._max_particles, entities.PARTICLES.z)
+        self._send(entities.PARTICLES, block, particles)
+        self._send(entities.HEADINGS, block, headings)
         hits = block.hits.values
-        for name, mask in (("scan/hit", hits), ("scan/miss", ~hits)):
-            self._send(path(name), block, archetypes.point_columns(block.end_points.where(mask), LIDAR_Z))
-        self._send(path("robot"), block, archetypes.pose_columns(block.best, POSE_Z))
-        self._send(path("mean"), block, archetypes.pose_columns(block.mean, POSE_Z))
-        self._send(path("covariance"), block, archetypes.ellipse_columns(block.mean, block.covariance, POSE_Z))
-        self._send(path("follow"), block, archetypes.position_columns(block.best, 0.0))
-        self._send_trail(path("trajectory"), block, block.best)
+        for row, mask in ((entities.SCAN_HIT, hits), (entities.SCAN_MISS, ~hits)):
+            self._send(row, block, archetypes.point_columns(block.end_points.where(mask), row.z))
+        self._send_poses(entities.ROBOT, block, block.best)
+        self._send_poses(entities.MEAN, block, block.mean)
+        ellipses = archetypes.ellipse_columns(block.mean, block.covariance, entities.COVARIANCE.z)
+        self._send(entities.COVARIANCE, block, ellipses)
+        self._send(entities.FOLLOW, block, archetypes.position_columns(block.best, entities.FOLLOW.z))
+        self._send_trail(entities.TRAJECTORY, block, block.best)
         if block.correction is not None:
             c, s = np.cos(block.best[:, 2]), np.sin(block.best[:, 2])
             x, y = block.correction[:, 0], block.correction[:, 1]
             arrows = CORRECTION_SCALE * np.stack([c * x - s * y, s * x + c * y], axis=-1)
-            self._send(path("correction"), block, archetypes.arrow_columns(block.best[:, :2] - arrows, arrows, POSE_Z))
+            starts = block.best[:, :2] - arrows
+            self._send(entities.CORRECTION, block, archetypes.arrow_columns(starts, arrows, entities.CORRECTION.z))
             lines = [
                 np.zeros((0, 2)) if axis is None else pose[:2] + np.array([[-1.0], [1.0]]) * axis
                 for pose, axis in zip(block.best, block.degenerate, strict=True)
             ]
-            self._send(path("degenerate"), block, archetypes.strip_columns(lines, POSE_Z))
+            self._send(entities.DEGENERATE, block, archetypes.strip_columns(lines, entities.DEGENERATE.z))
 
     def _draw_shared(self, block: Block) -> None:
-        path = entities.dead_reckoning
-        self._send(path("scan"), block, archetypes.point_columns(block.dead_reckoning_end_points, LIDAR_Z))
-        self._send(path("robot"), block, archetypes.pose_columns(block.dead_reckoning, POSE_Z))
-        self._send_trail(path("trajectory"), block, block.dead_reckoning)
+        end_points = archetypes.point_columns(block.dead_reckoning_end_points, entities.RECKONED_SCAN.z)
+        self._send(entities.RECKONED_SCAN, block, end_points)
+        self._send_poses(entities.RECKONED_ROBOT, block, block.dead_reckoning)
+        self._send_trail(entities.RECKONED_TRAJECTORY, block, block.dead_reckoning)
         if block.truth is not None:
-            self._send(entities.truth("robot"), block, archetypes.pose_columns(block.truth, POSE_Z))
-            self._send_trail(entities.truth("trajectory"), block, block.truth, TRUTH_Z)
-            error = block.dead_reckoning - block.truth
-            distance = np.hypot(error[:, 0], error[:, 1])
-            self._send(entities.shared_plot("error", "dead_reckoning"), block, archetypes.scalar_columns(distance))
+            self._send_poses(entities.TRUE_ROBOT, block, block.truth)
+            self._send_trail(entities.TRUE_TRAJECTORY, block, block.truth)
+            error = archetypes.scalar_columns(_distance(block.dead_reckoning, block.truth))
+            self._send(entities.RECKONED_ERROR, block, error)
 
-    def _send_trail(self, path: str, block: Block, poses: Array, z: float = TRAIL_Z) -> None:
-        trail = self._trails.setdefault(path, Trail(len(self.recording)))
+    def _send_poses(self, row: Entity, block: Block, poses: Array) -> None:
+        self._send(row, block, archetypes.pose_columns(poses, row.z))
+
+    def _send_trail(self, row: Entity, block: Block, poses: Array) -> None:
+        trail = self._trails.setdefault(row, Trail(len(self.recording)))
         finished, open_strips = trail.extend(poses)
-        self._send(f"{path}/open", block, archetypes.strip_columns(open_strips, z))
+        done, latest = row.visible(self.run)
+        self._send_rows(latest, block.index, block.time, archetypes.strip_columns(open_strips, row.z))
         if finished:
-            rows = [row for row, _ in finished]
-            times = archetypes.time_columns(block.index[rows], block.time[rows])
-            self.logged.add(f"{path}/done")
-            columns = archetypes.strip_columns([strip for _, strip in finished], z)
-            self.sink.send_columns(f"{path}/done", times, columns)
+            rows = [k for k, _ in finished]
+            columns = archetypes.strip_columns([strip for _, strip in finished], row.z)
+            self._send_rows(done, block.index[rows], block.time[rows], columns)
 
     def _draw_plots(self, block: Block) -> None:
-        apart = block.best - block.dead_reckoning
         curves: dict[str, Any] = {
             **block.curves,
-            "drift": np.hypot(apart[:, 0], apart[:, 1]),
-            "heading_drift": np.degrees(np.abs(geometry.wrap(apart[:, 2]))),
+            "drift": _distance(block.best, block.dead_reckoning),
+            "heading_drift": np.degrees(np.abs(geometry.wrap(block.best[:, 2] - block.dead_reckoning[:, 2]))),
             "spread": np.sqrt(np.maximum(np.trace(block.covariance, axis1=1, axis2=2), 0.0)),
         }
         self._spreads = np.concatenate([self._spreads, curves["spread"]])
         if block.truth is not None:
-            error = block.best - block.truth
-            curves["error"] = np.hypot(error[:, 0], error[:, 1])
+            curves["error"] = _distance(block.best, block.truth)
         for name, values in curves.items():
-            self._send(self.entities.plot(name), block, archetypes.scalar_columns(values))
+            self._send(RUN_CURVES[name], block, archetypes.scalar_columns(values))
 
     def _draw_pictures(self, path: str, pictures: Sequence[Picture]) -> None:
         """Pictures of one entity; few at a time where they are large."""
-        self.logged.add(path)
         largest = max(p.content.values.nbytes if isinstance(p.content, Cells) else 0 for p in pictures)
         at_once = max(CHUNK_BYTES // largest, 1) if largest else len(pictures)
         for k in range(0, len(pictures), at_once):
             some = pictures[k : k + at_once]
-            times = archetypes.time_columns([p.step for p in some], [p.seconds for p in some])
-            self.sink.send_columns(path, times, archetypes.picture_columns([p.content for p in some]))
+            columns = archetypes.picture_columns([p.content for p in some])
+            self._send_rows(path, [p.step for p in some], [p.seconds for p in some], columns)
+
+
+def _distance(some: Array, others: Array) -> Array:
+    """How far poses (n, 3) are from others, m."""
+    apart = some[:, :2] - others[:, :2]
+    return np.hypot(apart[:, 0], apart[:, 1])
 
 
 def send_scene(drawings: Sequence[Drawing], framing: Framing, left_out: Sequence[str] | None = None) -> None:
@@ -167,7 +175,7 @@ def send_scene(drawings: Sequence[Drawing], framing: Framing, left_out: Sequence
     final = left_out is not None
     sink, recording = drawings[0].sink, drawings[0].recording
     style.log_framing(sink, framing)
-    names = [drawing.entities.run for drawing in drawings]
+    names = [drawing.run for drawing in drawings]
     logged = {path for drawing in drawings for path in drawing.logged} if final else None
     style.log_page(sink, entities.HELP, pages.help_page(names, logged))
     about = pages.about_page(recording, [drawing.config for drawing in drawings], left_out or ())

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pfslam_viz.recordings.images import UnusableImage, read_image
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.viewer import kernels
-from pfslam_viz.viewer.entities import MAP_Z, TEXTURE_Z
+from pfslam_viz.viewer.entities import MAP, TEXTURE
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -120,7 +120,7 @@ def occupancy(log_odds: NDArray[np.float32]) -> tuple[NDArray[np.uint8], slice, 
 def grid_map(grid: OccupancyGrid) -> Cells:
     """The known part of the grid. Row 0 is the top in both."""
     cells, rows, columns = occupancy(grid.log_odds)
-    return _placed(cells, grid, rows, columns, MAP_Z)
+    return _placed(cells, grid, rows, columns, MAP.z)
 
 
 def _slices(box: NDArray[np.int64]) -> tuple[slice, slice]:
@@ -144,7 +144,7 @@ def texture_map(texture: "FloorTexture") -> Cells:
     colors = np.empty((*painted.shape, 4), np.uint8)
     colors[..., :3] = texture.color[rows, columns]
     colors[..., 3] = painted * np.uint8(255)
-    return _placed(colors, texture, rows, columns, TEXTURE_Z)
+    return _placed(colors, texture, rows, columns, TEXTURE.z)
 
 
 def walls(grid: OccupancyGrid) -> Boxes:

@@ -7,7 +7,6 @@ from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.replay import Result
 from pfslam_viz.step import Step
 from pfslam_viz.viewer.drawing import Drawing, send_scene
-from pfslam_viz.viewer.entities import Entities
 from pfslam_viz.viewer.framing import Framing
 from pfslam_viz.viewer.gatherer import Gatherer, StreamOptions
 from pfslam_viz.viewer.sinks import Sink
@@ -64,6 +63,6 @@ def replay_stream(
 ) -> ReplayStream:
     """The stream of a recording's only run to a sink."""
     options = options or StreamOptions()
-    drawing = Drawing(recording, config, sink, Entities(), options.max_particles)
+    drawing = Drawing(recording, config, sink, options.max_particles)
     send_scene([drawing], Framing.of_recording(recording))
     return ReplayStream(Gatherer(recording, options), drawing)

@@ -19,6 +19,7 @@ from pfslam_viz.robot import CameraGeometry
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.slam.protocol import Estimate, LoopClosure, Match
 from pfslam_viz.step import Step
+from pfslam_viz.texture.floor_texture import FloorTexture
 from pfslam_viz.viewer.blueprint import BACKGROUND
 from pfslam_viz.viewer.gatherer import StreamOptions
 from pfslam_viz.viewer.sinks import open_sinks, viewer_binary
@@ -68,7 +69,6 @@ class Corridor:
             hits[inside] = grid.occupied[cells[inside, 0], cells[inside, 1]] > 0
             grid.add(best, points, np.zeros(2))
             reckoned_grid.add(reckoned[k], points, np.zeros(2))
-            closures = (LoopClosure(0, k, truth[0, :2], truth[k, :2]),) if self.rich and k == 40 else ()
             match = Match(np.array([0.01, 0.0, 0.002]), 0.8, np.array([1.0, 0.0]) if k % 2 else None)
             yield Step(
                 index=k,
@@ -85,8 +85,6 @@ class Corridor:
                     informative=True,
                     parents=rng.integers(0, PARTICLES, PARTICLES),
                     match=match if self.rich else None,
-                    closures=closures,
-                    history=truth[: k + 1] if self.rich else None,
                 ),
                 dead_reckoning=reckoned[k],
                 end_points=end_points,
@@ -118,9 +116,18 @@ class Corridor:
             resamplings=n,
             uninformative=0,
             interrupted=interrupted,
-            texture=None,
+            closures=(LoopClosure(0, n - 1, online[0, :2], online[n - 1, :2]),) if self.rich else (),
+            texture=self._texture(steps) if self.rich else None,
             skipped_frames=None,
         )
+
+    def _texture(self, steps: list[Step]) -> FloorTexture:
+        """The floor as one frame paints it from the start."""
+        frames = self.recording.frames
+        assert frames is not None
+        texture = FloorTexture(frames.camera, self.config.texture, steps[-1].grid.cell)
+        texture.color[100:110, 200:220], texture.weight[100:110, 200:220] = (200, 90, 40), 1.0
+        return texture
 
 
 def _corridor(folder: Path, rich: bool) -> Corridor:
@@ -156,7 +163,7 @@ def _corridor(folder: Path, rich: bool) -> Corridor:
 
 @pytest.fixture(scope="session")
 def corridor(tmp_path_factory: pytest.TempPathFactory) -> Corridor:
-    """Everything a Step can hold but texture: matches, a loop closure, hindsight, camera images."""
+    """Everything a recording can show: matches, a loop closure, hindsight, camera images, texture."""
     return _corridor(tmp_path_factory.mktemp("corridor"), rich=True)
 
 
