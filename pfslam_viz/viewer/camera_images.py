@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz.recordings.recording import Frames
-from pfslam_viz.viewer import pictures
+from pfslam_viz.viewer import contents
+from pfslam_viz.viewer.contents import Jpeg
 from pfslam_viz.viewer.entities import COLOR_IMAGE, DISPARITY_IMAGE, Entity
-from pfslam_viz.viewer.pictures import Jpeg
 
 AHEAD = 2  # images that are decoded before they are due; not many, so that the floor's painter finds them decoded
 
@@ -36,8 +36,8 @@ class CameraImages:
         if frames is None:
             return
         for entity, stamps, paths, encode in (
-            (COLOR_IMAGE, frames.color_stamps, frames.color_paths, pictures.color_jpeg),
-            (DISPARITY_IMAGE, frames.disparity_stamps, frames.disparity_paths, pictures.disparity_jpeg),
+            (COLOR_IMAGE, frames.color_stamps, frames.color_paths, contents.color_jpeg),
+            (DISPARITY_IMAGE, frames.disparity_stamps, frames.disparity_paths, contents.disparity_jpeg),
         ):
             there = [
                 i for i, path in enumerate(paths) if path is not None and stamps[i] <= span[1] and stamps[i] >= span[0]

@@ -10,9 +10,9 @@ from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.replay import Replay, Result
 from pfslam_viz.step import Step
 from pfslam_viz.viewer import entities
+from pfslam_viz.viewer.collector import Collector, StreamOptions
 from pfslam_viz.viewer.drawing import Drawing, send_scene
 from pfslam_viz.viewer.framing import Framing, aspect_of
-from pfslam_viz.viewer.gatherer import Gatherer, StreamOptions
 from pfslam_viz.viewer.sinks import Sink
 from pfslam_viz.viewer.stream import ReplayStream
 
@@ -57,7 +57,7 @@ def compare(
         shared = index == 0
         drawing = Drawing(recording, config, sink, options.max_particles, run=name, color=color, shared=shared)
         drawings.append(drawing)
-        streams.append(ReplayStream(Gatherer(recording, options, name, shared=shared), drawing, alone=False))
+        streams.append(ReplayStream(Collector(recording, options, name, shared=shared), drawing, alone=False))
     send_scene(drawings, Framing.of_recording(recording, aspect_of(panels)))
     replays = [Replay(recording, config) for config in configs]
     with ExitStack() as stack:

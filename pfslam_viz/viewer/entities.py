@@ -1,7 +1,7 @@
 """The table of what a recording shows, a row for each entity, and the colours.
 
 Styles, the help page and the layout read the table; to add an entity, add its row and fill it with data in
-:mod:`pfslam_viz.viewer.drawing` or :mod:`pfslam_viz.viewer.gatherer` (docs/adding.md has the steps).
+:mod:`pfslam_viz.viewer.drawing` or :mod:`pfslam_viz.viewer.collector` (docs/adding.md has the steps).
 
 The colours of things that appear together are told apart under protanopia, deuteranopia and tritanopia (a test
 simulates all three), and are of middle lightness, so that they show on the white floor of a map, on its black walls,

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -21,7 +22,7 @@ from pfslam_viz.slam.protocol import Estimate, LoopClosure, Match
 from pfslam_viz.step import Step
 from pfslam_viz.texture.floor_texture import FloorTexture
 from pfslam_viz.viewer.blueprint import BACKGROUND
-from pfslam_viz.viewer.gatherer import StreamOptions
+from pfslam_viz.viewer.collector import StreamOptions
 from pfslam_viz.viewer.sinks import open_sinks, viewer_binary
 from pfslam_viz.viewer.stream import replay_stream
 
@@ -122,7 +123,7 @@ class Corridor:
         )
 
     def _texture(self, steps: list[Step]) -> FloorTexture:
-        """The floor as one frame paints it from the start."""
+        """A patch of floor."""
         frames = self.recording.frames
         assert frames is not None
         texture = FloorTexture(frames.camera, self.config.texture, steps[-1].grid.cell)
@@ -181,7 +182,6 @@ class Recorded:
     corridor: Corridor
     steps: list[Step]
     left_out: list[str]
-    blocks: object
 
 
 def record(corridor: Corridor, path: Path, options: StreamOptions | None = None) -> Recorded:
@@ -193,7 +193,7 @@ def record(corridor: Corridor, path: Path, options: StreamOptions | None = None)
             stream.log(step)
             steps.append(step)
         stream.finish(corridor.result(steps))
-    return Recorded(path, corridor, steps, stream.left_out, stream)
+    return Recorded(path, corridor, steps, stream.left_out)
 
 
 @pytest.fixture(scope="session")
@@ -206,6 +206,15 @@ def recorded(corridor: Corridor, tmp_path_factory: pytest.TempPathFactory) -> Re
 def make_recording() -> Callable[..., Recorded]:
     """A function that records a corridor: (corridor, path, options)."""
     return record
+
+
+@dataclass(frozen=True)
+class View:
+    """A view of the layout: its title, Rerun's name of its kind, and the entities that it shows."""
+
+    name: str
+    kind: str
+    contents: set[str]
 
 
 @dataclass
@@ -246,6 +255,21 @@ class Readable:
     def static(self, entity: str, component: str) -> object:
         """The last static value of a component."""
         return [row[component] for row in self.rows(entity) if row["step"] is None and row.get(component)][-1]
+
+    def views(self) -> list[View]:
+        """The views of the layout that was sent last."""
+        found: dict[str, dict[str, Any]] = {}
+        for chunk in self._reader.stream(store=self._reader.blueprints()[-1]):
+            found.setdefault(chunk.entity_path, {}).update(chunk.to_record_batch().to_pylist()[-1])
+        views = []
+        for path, parts in found.items():
+            if "ViewBlueprint:space_origin" in parts:
+                (origin,) = parts["ViewBlueprint:space_origin"]
+                queries = found[f"{path}/ViewContents"]["ViewContents:query"]
+                contents = {query.replace("$origin", origin).lstrip("+ /") for query in queries}
+                name, kind = parts["ViewBlueprint:display_name"], parts["ViewBlueprint:class_identifier"]
+                views.append(View(name[0], kind[0], contents))
+        return views
 
     def verify(self) -> str:
         done = subprocess.run(

@@ -3,9 +3,9 @@ import pytest
 import rerun as rr
 
 from pfslam_viz.viewer import archetypes
-from pfslam_viz.viewer.block import Block, Excerpt, Ragged
+from pfslam_viz.viewer.contents import Boxes, Cells, Jpeg, Lines
 from pfslam_viz.viewer.entities import WEIGHT_RAMP
-from pfslam_viz.viewer.pictures import Boxes, Cells, Jpeg, Lines
+from pfslam_viz.viewer.scan_batch import Ragged, ScanBatch, ScanCopy
 
 
 def columns(sent):
@@ -20,7 +20,7 @@ def two_scans(corridor):
 
 
 def block(steps, beams=500):
-    return Block.of([Excerpt.of(step, beams) for step in steps])
+    return ScanBatch.of([ScanCopy.of(step, beams) for step in steps])
 
 
 def test_particles_are_coloured_by_weight_and_the_heaviest_comes_last(two_scans):
@@ -85,7 +85,7 @@ def test_cells_become_grid_maps_row_by_row_from_the_top(depth, model):
         np.arange(np.prod(shape), dtype=np.uint8).reshape(shape) for shape in ((2, 3, *depth), (1, 2, *depth))
     )
     shown = columns(
-        archetypes.picture_columns([Cells(first, 0.5, (-1.0, 2.0, 0.01)), Cells(second, 0.25, (3.0, 4.0, 0.5))])
+        archetypes.content_columns([Cells(first, 0.5, (-1.0, 2.0, 0.01)), Cells(second, 0.25, (3.0, 4.0, 0.5))])
     )
     forms = [form for (form,) in shown["format"]]
     assert [(form["height"], form["width"]) for form in forms] == [(2, 3), (1, 2)]
@@ -100,7 +100,7 @@ def test_cells_become_grid_maps_row_by_row_from_the_top(depth, model):
 def test_boxes_are_as_many_a_row_as_the_picture_has():
     sizes = [2, 0, 1]
     contents = [Boxes(np.full((n, 3), 2.0 + n, np.float32), np.full((n, 3), 0.5 + n, np.float32)) for n in sizes]
-    shown = columns(archetypes.picture_columns(contents))
+    shown = columns(archetypes.content_columns(contents))
     assert shown["centers"] == [[[4.0] * 3] * 2, [], [[3.0] * 3]]
     assert shown["half_sizes"] == [[[2.5] * 3] * 2, [], [[1.5] * 3]]
 
@@ -108,7 +108,7 @@ def test_boxes_are_as_many_a_row_as_the_picture_has():
 def test_lines_of_equal_or_different_lengths_lie_at_their_height():
     different = [np.array([[0, 1], [2, 3]], np.float32), np.array([[4, 5], [6, 7], [8, 9]], np.float32)]
     equal = np.array([[[1, 1], [2, 2]]], np.float32)
-    shown = columns(archetypes.picture_columns([Lines(different, 0.25), Lines([], 0.25), Lines(equal, 0.25)]))["strips"]
+    shown = columns(archetypes.content_columns([Lines(different, 0.25), Lines([], 0.25), Lines(equal, 0.25)]))["strips"]
     assert shown == [
         [[[0, 1, 0.25], [2, 3, 0.25]], [[4, 5, 0.25], [6, 7, 0.25], [8, 9, 0.25]]],
         [],
@@ -118,5 +118,5 @@ def test_lines_of_equal_or_different_lengths_lie_at_their_height():
 
 def test_encoded_images_keep_their_bytes():
     contents = [Jpeg(np.array(values, np.uint8)) for values in ([255, 216], [1, 2, 3])]
-    shown = columns(archetypes.picture_columns(contents))
+    shown = columns(archetypes.content_columns(contents))
     assert shown == {"blob": [[[255, 216]], [[1, 2, 3]]], "media_type": [["image/jpeg"], ["image/jpeg"]]}

@@ -4,6 +4,7 @@ import numpy as np
 from pfslam_viz.recordings.recording import Frames
 from pfslam_viz.robot import CameraGeometry
 from pfslam_viz.viewer.camera_images import CameraImages
+from pfslam_viz.viewer.entities import COLOR_IMAGE
 
 
 def frames(folder, count):
@@ -22,14 +23,18 @@ def shade(jpeg):
 
 
 def seen(images, stamps):
-    return [(stamp, kind, shade(jpeg)) for stamp in stamps for kind, jpeg in images.due(stamp)]
+    return [(stamp, row, shade(jpeg)) for stamp in stamps for row, jpeg in images.due(stamp)]
 
 
 def test_each_image_comes_at_its_moment(tmp_path):
     images = CameraImages(frames(tmp_path, 6), (0.0, 4.0), budget=100)
     found = seen(images, [0.0, 0.5, 1.5, 2.5, 4.0, 9.0])
     images.close()
-    assert found == [(0.0, "color", 0), (2.5, "color", 2), (4.0, "color", 4)]  # 3 was passed over, 5 comes too late
+    assert found == [
+        (0.0, COLOR_IMAGE, 0),
+        (2.5, COLOR_IMAGE, 2),
+        (4.0, COLOR_IMAGE, 4),
+    ]  # 3 was passed over, 5 is late
     assert images.logged == 3 and images.available == 4
 
 

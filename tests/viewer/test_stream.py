@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pfslam_viz.viewer import drawing
-from pfslam_viz.viewer.gatherer import StreamOptions
+from pfslam_viz.viewer.collector import StreamOptions
 from pfslam_viz.viewer.sinks import open_sinks
 from pfslam_viz.viewer.stream import replay_stream
 
@@ -151,12 +151,14 @@ def test_a_match_is_drawn_ten_times_as_long_and_degenerate_only_where_it_is(file
     np.testing.assert_allclose((end - start)[:2], [2.0, 0.0], atol=1e-5)
 
 
-def test_hindsight_shows_at_the_end_and_closures_from_then_on(file, recorded):
+def test_hindsight_and_closures_show_at_the_end(file, recorded):
     (row,) = file.temporal("world/filter/hindsight")
     assert row["step"] == len(recorded.steps) - 1
     assert len(row["strips"][0]) == len(recorded.steps)
     (row,) = file.temporal("world/filter/closures")
-    assert row["step"] == 40
+    first, last = recorded.steps[0].estimate.best, recorded.steps[-1].estimate.best
+    assert row["step"] == len(recorded.steps) - 1
+    np.testing.assert_allclose(row["strips"], [[[*first[:2], 0.09], [*last[:2], 0.09]]], atol=1e-6)
 
 
 def test_camera_images_come_at_their_stamps(file):
@@ -183,7 +185,7 @@ def test_options_thin_and_what_is_left_out_is_said(plain_corridor, make_recordin
     assert len(file.temporal("world/filter/particles")[5]["positions"]) == 10
     about = file.static("about", "text")[0]
     assert all(phrase in about for phrase in made.left_out)
-    absent = ["match", "correction", "closures", "hindsight", "history", "texture", "robot/camera"]
+    absent = ["match", "correction", "closures", "hindsight", "texture", "robot/camera"]
     page = file.static("help", "text")[0]
     assert not any(f"world/filter/{name}`" in page for name in absent)
 
@@ -218,7 +220,7 @@ def test_an_unfinished_run_opens_with_what_was_logged(corridor, read_back, tmp_p
 
 
 def test_blocks_are_sent_as_they_fill(plain_corridor, tmp_path, monkeypatch):
-    monkeypatch.setattr("pfslam_viz.viewer.stream.BLOCK_ROWS", 10)
+    monkeypatch.setattr("pfslam_viz.viewer.stream.BATCH_ROWS", 10)
     sent = []
     with open_sinks(save=tmp_path / "x.rrd") as sink:
         stream = replay_stream(plain_corridor.recording, plain_corridor.config, sink)

@@ -1,4 +1,6 @@
-"""What a recording shows of a replay, copied out of the Steps as they come: scans in blocks, and pictures when due.
+"""What a recording shows of a replay, copied out of the Steps as they come.
+
+Scans are kept in batches; maps, textures and the like are taken when they are due.
 
 Nothing of Rerun is needed here; :mod:`pfslam_viz.viewer.drawing` draws it.
 """
@@ -14,12 +16,12 @@ from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.replay import Result
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.step import Step
-from pfslam_viz.viewer import entities, pictures
+from pfslam_viz.viewer import contents, entities
 from pfslam_viz.viewer.ancestry import Ancestry
-from pfslam_viz.viewer.block import Block, Excerpt, stride
 from pfslam_viz.viewer.camera_images import CameraImages
+from pfslam_viz.viewer.contents import Content, Lines, TimedContent
 from pfslam_viz.viewer.entities import ONLY_RUN, Entity
-from pfslam_viz.viewer.pictures import Content, Lines, Picture
+from pfslam_viz.viewer.scan_batch import ScanBatch, ScanCopy, stride
 
 if TYPE_CHECKING:
     from pfslam_viz.texture import FloorTexture
@@ -44,8 +46,8 @@ class StreamOptions:
     max_beams: int = 270
 
 
-class Gatherer:
-    """Takes Steps with :meth:`add`, and gives what was gathered with :meth:`take`. :meth:`finish` adds the ends."""
+class Collector:
+    """Takes Steps with :meth:`add`, and gives what was collected with :meth:`take`. :meth:`finish` adds the ends."""
 
     def __init__(
         self, recording: Recording, options: StreamOptions, run: str = ONLY_RUN, *, shared: bool = True
@@ -53,24 +55,24 @@ class Gatherer:
         """``run`` is its name in entity paths; ``shared`` includes what is no run's own: dead reckoning's map."""
         self._options, self._run, self._shared = options, run, shared
         n = len(recording)
-        self._maps = pictures.FrameBudget(n, MAP_FRAMES, MAP_BYTES, options.map_every)
-        self._textures = pictures.FrameBudget(n, TEXTURE_FRAMES, TEXTURE_BYTES)
-        self._walls = pictures.FrameBudget(n, WALL_FRAMES, MAP_BYTES)
-        self._lineages = pictures.FrameBudget(n, 0, 0, every=LINEAGES_EVERY)
+        self._maps = contents.FrameBudget(n, MAP_FRAMES, MAP_BYTES, options.map_every)
+        self._textures = contents.FrameBudget(n, TEXTURE_FRAMES, TEXTURE_BYTES)
+        self._walls = contents.FrameBudget(n, WALL_FRAMES, MAP_BYTES)
+        self._lineages = contents.FrameBudget(n, 0, 0, every=LINEAGES_EVERY)
         self._ancestry = Ancestry()
         span = (float(recording.stamps[0]) - 1.0, float(recording.stamps[-1]))
         self._camera = CameraImages(recording.frames, span, CAMERA_FRAMES)
         self._last: Step | None = None
         self._counts = {"particles": 0, "beams": 0}
-        self._excerpts: list[Excerpt] = []
-        self._pictures: list[Picture] = []
+        self._scans: list[ScanCopy] = []
+        self._contents: list[TimedContent] = []
 
     def __len__(self) -> int:
-        """The scans gathered."""
-        return len(self._excerpts)
+        """The scans collected."""
+        return len(self._scans)
 
     def add(self, step: Step) -> None:
-        """Take a scan, and the pictures that are due."""
+        """Take a scan, and the contents that are due."""
         self._last = step
         maps_due = self._maps.is_due(step.index)
         if maps_due and self._shared:
@@ -78,7 +80,7 @@ class Gatherer:
         self._counts["particles"] = max(self._counts["particles"], len(step.estimate.weights))
         self._counts["beams"] = max(self._counts["beams"], len(step.end_points))
         lineages = self._ancestry.add(step.estimate.particles, step.estimate.parents)
-        self._excerpts.append(Excerpt.of(step, self._options.max_beams, lineages=lineages))
+        self._scans.append(ScanCopy.of(step, self._options.max_beams, lineages=lineages))
         if self._lineages.is_due(step.index):
             self._lineages.spend(step.index, 0)
             self._add(entities.LINEAGES, step, Lines(self._ancestry.segments(), entities.LINEAGES.z))
@@ -86,7 +88,7 @@ class Gatherer:
             self._maps.spend(step.index, self._add_maps(step, step.grid, step.dead_reckoning_grid))
         if self._walls.is_due(step.index):
             self._walls.spend(step.index, 0)
-            self._add(entities.WALLS, step, pictures.walls(step.grid))
+            self._add(entities.WALLS, step, contents.walls(step.grid))
         if step.texture is not None:
             self._add_texture(step, step.texture)
         for row, image in self._camera.due(step.stamp):
@@ -97,7 +99,7 @@ class Gatherer:
         if self._last is None:
             return
         self._add_maps(self._last, result.grid, result.dead_reckoning_grid)
-        self._add(entities.WALLS, self._last, pictures.walls(result.grid))
+        self._add(entities.WALLS, self._last, contents.walls(result.grid))
         if result.texture is not None:
             self._add_texture(self._last, result.texture, always=True)
         if hindsight_differs(result):
@@ -106,11 +108,11 @@ class Gatherer:
             pairs = [np.stack([c.earlier_position, c.later_position]) for c in result.closures]
             self._add_lines(entities.CLOSURES, self._last, pairs)
 
-    def take(self) -> tuple[Block | None, tuple[Picture, ...]]:
-        """The scans (None: there are none) and the pictures since the last call."""
-        block, taken = Block.of(self._excerpts) if self._excerpts else None, tuple(self._pictures)
-        self._excerpts, self._pictures = [], []
-        return block, taken
+    def take(self) -> tuple[ScanBatch | None, tuple[TimedContent, ...]]:
+        """The scans (None: there are none) and the other contents since the last call."""
+        batch, taken = ScanBatch.of(self._scans) if self._scans else None, tuple(self._contents)
+        self._scans, self._contents = [], []
+        return batch, taken
 
     def close(self) -> None:
         """Stop decoding camera images."""
@@ -135,7 +137,7 @@ class Gatherer:
         return out
 
     def _add(self, row: Entity, step: Step, content: Content) -> None:
-        self._pictures.append(Picture(row.path(self._run), step.index, step.time, content))
+        self._contents.append(TimedContent(row.path(self._run), step.index, step.time, content))
 
     def _add_lines(self, row: Entity, step: Step, lines: Sequence[Array]) -> None:
         self._add(row, step, Lines([line[:, :2].astype(np.float32) for line in lines], row.z))
@@ -145,14 +147,14 @@ class Gatherer:
         grids = [(entities.MAP, grid), (entities.RECKONED_MAP, reckoned)]
         size = 0
         for row, shown in grids if self._shared else grids[:1]:
-            cells = pictures.grid_map(shown)
+            cells = contents.grid_map(shown)
             self._add(row, step, cells)
             size += cells.values.size
         return size
 
     def _add_texture(self, step: Step, texture: "FloorTexture", always: bool = False) -> None:
         if always or self._textures.is_due(step.index):
-            cells = pictures.texture_map(texture)
+            cells = contents.texture_map(texture)
             self._textures.spend(step.index, cells.values.size)
             self._add(entities.TEXTURE, step, cells)
         else:

@@ -4,7 +4,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from pfslam_viz.viewer.block import Block, Excerpt, Ragged, stride
+from pfslam_viz.viewer.scan_batch import Ragged, ScanBatch, ScanCopy, stride
 
 
 @pytest.fixture
@@ -15,7 +15,7 @@ def two_scans(corridor):
 
 def test_end_points_are_thinned_with_their_hits(two_scans):
     step = two_scans[1]
-    kept = Excerpt.of(step, 10)  # 91 beams, every tenth
+    kept = ScanCopy.of(step, 10)  # 91 beams, every tenth
     np.testing.assert_array_equal(kept.end_points, step.end_points[::10].astype(np.float32))
     np.testing.assert_array_equal(kept.hits, step.hits[::10])
     assert kept.curves["correlation"] == pytest.approx(step.hits.mean())  # of all of them
@@ -24,9 +24,9 @@ def test_end_points_are_thinned_with_their_hits(two_scans):
 
 def test_an_excerpt_keeps_copies(two_scans):
     step = deepcopy(two_scans[1])  # the truth in it is the recording's own
-    kept = Excerpt.of(step, 500)
+    kept = ScanCopy.of(step, 500)
     before = {
-        f.name: np.array(value) for f in fields(Excerpt) if isinstance(value := getattr(kept, f.name), np.ndarray)
+        f.name: np.array(value) for f in fields(ScanCopy) if isinstance(value := getattr(kept, f.name), np.ndarray)
     }
     estimate = step.estimate
     for array in (
@@ -41,7 +41,7 @@ def test_an_excerpt_keeps_copies(two_scans):
 
 
 def test_a_block_holds_a_row_for_every_scan(two_scans):
-    block = Block.of([Excerpt.of(step, 500) for step in two_scans])
+    block = ScanBatch.of([ScanCopy.of(step, 500) for step in two_scans])
     assert list(block.index) == [0, 1] and len(block) == 2
     np.testing.assert_array_equal(block.best, [step.estimate.best for step in two_scans])
     np.testing.assert_allclose(block.particles.rows()[1], two_scans[1].estimate.particles, atol=1e-6)
@@ -50,8 +50,8 @@ def test_a_block_holds_a_row_for_every_scan(two_scans):
 
 
 def test_what_one_scan_lacks_the_block_leaves_out(two_scans):
-    whole, bare = Excerpt.of(two_scans[0], 500), Excerpt.of(two_scans[1], 500)
-    block = Block.of([whole, replace(bare, truth=None, correction=None, curves={"n_eff": 3.0})])
+    whole, bare = ScanCopy.of(two_scans[0], 500), ScanCopy.of(two_scans[1], 500)
+    block = ScanBatch.of([whole, replace(bare, truth=None, correction=None, curves={"n_eff": 3.0})])
     assert block.truth is None and block.correction is None
     assert set(block.curves) == {"n_eff"} and block.curves["n_eff"][1] == 3.0
 

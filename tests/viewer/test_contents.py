@@ -4,12 +4,12 @@ import pytest
 
 from pfslam_viz.config import MapConfig
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
-from pfslam_viz.viewer import pictures
+from pfslam_viz.viewer import contents
 
 
 def test_occupancy_is_counted_as_ros_does():
     log_odds = np.array([[0.0, np.log(4), -np.log(4), 0.0, 50.0, -50.0, 0.0]], np.float32)
-    values, rows, columns = pictures.occupancy(log_odds)
+    values, rows, columns = contents.occupancy(log_odds)
     assert (rows, columns) == (slice(0, 1), slice(1, 6)) and values.shape == (1, 5)
     assert values[0, :2] == pytest.approx([80, 20], abs=1)  # 4 to 1, and 1 to 4
     assert values[0, 2:].tolist() == [255, 100, 0]
@@ -20,7 +20,7 @@ def test_a_marked_cell_lies_where_it_is_the_right_way_up():
     for (x, y), value in {(2.25, 3.25): 9.0, (-1.25, 0.75): -9.0}.items():
         row, column = grid.cells([[x, y]])[0]
         grid.log_odds[row, column] = value
-    drawn = pictures.grid_map(grid)
+    drawn = contents.grid_map(grid)
     cells, corner = drawn.values, drawn.corner
     assert cells.shape == (6, 8)  # x from -1.5 to 2.5, y from 0.5 to 3.5
     assert corner[:2] == pytest.approx([-1.5, 0.5])
@@ -30,7 +30,7 @@ def test_a_marked_cell_lies_where_it_is_the_right_way_up():
 
 
 def test_an_empty_map_is_one_unknown_cell():
-    np.testing.assert_array_equal(pictures.grid_map(OccupancyGrid(MapConfig())).values, [[255]])
+    np.testing.assert_array_equal(contents.grid_map(OccupancyGrid(MapConfig())).values, [[255]])
 
 
 def test_walls_stand_on_the_occupied_cells():
@@ -38,7 +38,7 @@ def test_walls_stand_on_the_occupied_cells():
     for x in (1.25, 1.75, 2.25, 3.75):
         row, column = grid.cells([[x, -0.75]])[0]
         grid.occupied[row, column] = 1
-    boxes = pictures.walls(grid)
+    boxes = contents.walls(grid)
     centers, halves = boxes.centers, boxes.half_sizes
     np.testing.assert_allclose(centers[:, :2], [[1.75, -0.75], [3.75, -0.75]], atol=1e-6)
     np.testing.assert_allclose(halves[:, :2], [[0.75, 0.25], [0.25, 0.25]], atol=1e-6)
@@ -58,7 +58,7 @@ class Texture:
 
 
 def test_texture_is_transparent_where_nothing_was_seen():
-    drawn = pictures.texture_map(Texture())
+    drawn = contents.texture_map(Texture())
     cells, corner = drawn.values, drawn.corner
     np.testing.assert_array_equal(cells[0], [[0, 0, 0, 0], [10, 20, 30, 255]])
     np.testing.assert_array_equal(cells[1], [[40, 50, 60, 255], [0, 0, 0, 0]])
@@ -75,19 +75,19 @@ def due_steps(budget, steps, size):
 
 
 def test_frames_are_spread_over_the_recording():
-    steps = due_steps(pictures.FrameBudget(1000, 100, 10**9), 1000, lambda step: 1)
+    steps = due_steps(contents.FrameBudget(1000, 100, 10**9), 1000, lambda step: 1)
     assert 95 <= len(steps) <= 100
     assert max(np.diff(steps)) <= 12 and steps[0] == 0 and steps[-1] > 980
 
 
 def test_a_map_that_grows_is_shown_less_often_and_stays_within_bytes():
-    steps = due_steps(pictures.FrameBudget(1000, 200, 10_000), 1000, lambda step: 50 + step)
+    steps = due_steps(contents.FrameBudget(1000, 200, 10_000), 1000, lambda step: 50 + step)
     assert sum(50 + step for step in steps) <= 10_000 + 1050
     assert steps[-1] > 800 and len(steps) > 10
 
 
 def test_a_fixed_stride_is_kept():
-    assert due_steps(pictures.FrameBudget(10, 2, 1, every=3), 10, lambda step: 100) == [0, 3, 6, 9]
+    assert due_steps(contents.FrameBudget(10, 2, 1, every=3), 10, lambda step: 100) == [0, 3, 6, 9]
 
 
 def test_camera_images_become_small_jpegs(tmp_path):
@@ -96,13 +96,13 @@ def test_camera_images_become_small_jpegs(tmp_path):
     raw = np.full((480, 640), 2047, np.uint16)  # the Kinect's "no depth"
     raw[:, :200], raw[:, 200:400] = 500, 900  # 0.58 m and 1.79 m: near and far
     cv2.imwrite(str(disparity), raw)
-    image = cv2.imdecode(pictures.color_jpeg(color).contents, cv2.IMREAD_COLOR)
+    image = cv2.imdecode(contents.color_jpeg(color).contents, cv2.IMREAD_COLOR)
     assert image.shape == (240, 320, 3)
     np.testing.assert_allclose(image[120, 160], (30, 60, 200), atol=4)
-    image = cv2.imdecode(pictures.disparity_jpeg(disparity).contents, cv2.IMREAD_COLOR)
+    image = cv2.imdecode(contents.disparity_jpeg(disparity).contents, cv2.IMREAD_COLOR)
     near, far, none = (int(image[120, column].sum()) for column in (50, 150, 280))
     assert near > far > none
     assert none < 15
     (tmp_path / "broken.png").write_bytes(b"not an image")
-    assert pictures.color_jpeg(tmp_path / "broken.png") is None
-    assert pictures.disparity_jpeg(tmp_path / "absent.png") is None
+    assert contents.color_jpeg(tmp_path / "broken.png") is None
+    assert contents.disparity_jpeg(tmp_path / "absent.png") is None
