@@ -11,6 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.config import Config
@@ -26,6 +27,8 @@ from pfslam_viz.viewer.collector import StreamOptions
 from pfslam_viz.viewer.sinks import open_sinks, viewer_binary
 from pfslam_viz.viewer.stream import replay_stream
 
+Array = NDArray[np.float64]
+
 SCANS, BEAMS, PARTICLES = 60, 91, 40
 LENGTH, HALF_WIDTH = 8.0, 1.5  # m: a corridor along x, closed at both ends
 
@@ -38,7 +41,7 @@ def _ranges(pose: np.ndarray, angles: np.ndarray) -> np.ndarray:
             (wall - pose[axis]) / direction[axis]
             for axis, wall in ((0, -1.0), (0, LENGTH - 1.0), (1, -HALF_WIDTH), (1, HALF_WIDTH))
         ]
-    return np.min([np.where(t > 0, t, np.inf) for t in to_wall], axis=0)
+    return np.asarray(np.min([np.where(t > 0, t, np.inf) for t in to_wall], axis=0))
 
 
 @dataclass
@@ -132,9 +135,9 @@ class Corridor:
 
 
 def _corridor(folder: Path, rich: bool) -> Corridor:
-    stamps = 100.0 + 0.25 * np.arange(SCANS)
+    stamps: Array = 100.0 + 0.25 * np.arange(SCANS, dtype=np.float64)
     s = np.linspace(0.0, 5.0, SCANS)
-    truth = np.stack([s, 0.3 * np.sin(s), 0.3 * np.cos(s) - 0.3], axis=-1)
+    truth: Array = np.stack([s, 0.3 * np.sin(s), 0.3 * np.cos(s) - 0.3], axis=-1)
     truth[:, 2] -= truth[0, 2]
     odometry = np.zeros((SCANS, 3))
     odometry[1:] = geometry.between(truth[:-1], truth[1:]) + np.array([0.0, 0.0, 0.004])  # a gyro's bias
@@ -145,7 +148,7 @@ def _corridor(folder: Path, rich: bool) -> Corridor:
         color, disparity = folder / "color.png", folder / "disparity.png"
         cv2.imwrite(str(color), np.full((480, 640, 3), (40, 90, 200), np.uint8))
         cv2.imwrite(str(disparity), np.full((480, 640), 700, np.uint16))
-        at = stamps[::10]
+        at: Array = stamps[::10]
         camera = CameraGeometry(position=(0.33, 0.0, 0.5), pitch=0.31)
         frames = Frames(at, (color,) * len(at), at + 0.01, (disparity,) * len(at), camera)
     recording = Recording(
@@ -229,7 +232,7 @@ class Readable:
         self._reader = RrdReader(str(self.path))
         self.entities = {chunk.entity_path.lstrip("/") for chunk in self._reader.stream()}
 
-    def rows(self, entity: str) -> list[dict]:
+    def rows(self, entity: str) -> list[dict[str, Any]]:
         """Every row of an entity: ``step`` (None where static) and its components by their short names."""
         out = []
         for chunk in self._reader.stream().filter(content=f"/{entity}"):
@@ -247,17 +250,17 @@ class Readable:
         batches = [c.to_record_batch() for c in found if c.entity_path.lstrip("/") == entity]
         return [batch.num_rows for batch in batches if "step" in batch.schema.names]
 
-    def temporal(self, entity: str) -> list[dict]:
+    def temporal(self, entity: str) -> list[dict[str, Any]]:
         """The rows that have a step, in its order; the one logged last where several share it."""
         rows = {row["step"]: row for row in self.rows(entity) if row["step"] is not None}
         return [rows[step] for step in sorted(rows)]
 
-    def static(self, entity: str, component: str) -> object:
+    def static(self, entity: str, component: str) -> Any:
         """The last static value of a component."""
         return [row[component] for row in self.rows(entity) if row["step"] is None and row.get(component)][-1]
 
     def views(self) -> list[View]:
-        """The views of the layout that was sent last."""
+        """The views of the layout; the one sent before the run and the final one differ in framing alone."""
         found: dict[str, dict[str, Any]] = {}
         for chunk in self._reader.stream(store=self._reader.blueprints()[-1]):
             found.setdefault(chunk.entity_path, {}).update(chunk.to_record_batch().to_pylist()[-1])
@@ -307,7 +310,7 @@ def shares() -> Callable[[Path], dict[str, float]]:
     """Share of a picture's pixels by colour: white floor, unknown background, the trajectories' colours."""
 
     def count(picture: Path) -> dict[str, float]:
-        image = cv2.cvtColor(cv2.imread(str(picture)), cv2.COLOR_BGR2RGB).astype(int)
+        image = np.asarray(cv2.imread(str(picture)), int)[..., ::-1]
         colors = {"white": (255, 255, 255), "unknown": BACKGROUND, "orange": (213, 94, 0), "blue": (0, 110, 220)}
         return {name: float(np.mean(np.abs(image - c).max(axis=2) < 25)) for name, c in colors.items()}
 

@@ -2,12 +2,18 @@
 
 from collections import Counter
 from itertools import combinations
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from pfslam_viz.viewer import entities
-from pfslam_viz.viewer.entities import ENTITIES, Kind, View
+from pfslam_viz.viewer.entities import ENTITIES, Color, Entity, Kind, View
+
+if TYPE_CHECKING:
+    from tests.viewer.conftest import Readable, Recorded
+
 
 # Machado, Oliveira and Fernandes (2009), severity 1.0, on linear RGB.
 DEFICIENCIES = {
@@ -18,12 +24,12 @@ DEFICIENCIES = {
 }
 
 
-def linear(color):
+def linear(color: Color) -> NDArray[np.float64]:
     c = np.asarray(color) / 255.0
     return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
 
 
-def lab(rgb):
+def lab(rgb: Any) -> NDArray[np.float64]:
     """CIE L*a*b* (D65) of linear RGB."""
     to_xyz = np.array(
         [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
@@ -33,14 +39,14 @@ def lab(rgb):
     return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
 
 
-def apart(a, b, deficiency):
+def apart(a: Color, b: Color, deficiency: str) -> float:
     matrix = np.asarray(DEFICIENCIES[deficiency])
     return float(np.linalg.norm(lab(matrix @ linear(a)) - lab(matrix @ linear(b))))
 
 
-def contrast(a, b):
+def contrast(a: Color, b: Color) -> float:
     """WCAG contrast ratio."""
-    light = [0.05 + np.array([0.2126, 0.7152, 0.0722]) @ linear(c) for c in (a, b)]
+    light = [0.05 + float(np.array([0.2126, 0.7152, 0.0722]) @ linear(c)) for c in (a, b)]
     return max(light) / min(light)
 
 
@@ -55,30 +61,30 @@ TOGETHER = {
 
 @pytest.mark.parametrize("deficiency", DEFICIENCIES)
 @pytest.mark.parametrize("group", TOGETHER)
-def test_colors_that_appear_together_differ_for_everyone(group, deficiency):
+def test_colors_that_appear_together_differ_for_everyone(group: str, deficiency: str) -> None:
     for a, b in combinations(TOGETHER[group], 2):
         assert apart(a, b, deficiency) > 20, (group, a, b)  # 2.3 is a just noticeable difference
 
 
 @pytest.mark.parametrize("color", TOGETHER["trajectories"])
 @pytest.mark.parametrize("ground", [(255, 255, 255), (13, 16, 17)])
-def test_trajectories_show_on_a_white_floor_and_on_the_dark_theme(color, ground):
+def test_trajectories_show_on_a_white_floor_and_on_the_dark_theme(color: Color, ground: Color) -> None:
     assert contrast(color, ground) > 3.0  # what WCAG asks of graphics
 
 
-def test_heavier_particles_are_darker():
+def test_heavier_particles_are_darker() -> None:
     lightness = [lab(linear(color))[0] for color in entities.WEIGHT_RAMP]
     assert np.all(np.diff(lightness) < -3)
 
 
-def test_runs_have_paths_of_their_own():
+def test_runs_have_paths_of_their_own() -> None:
     assert entities.MAP.path("paper") == "world/paper/map"
     assert entities.N_EFF.path("paper") == "plots/n_eff/paper"
     assert entities.RECKONED_MAP.path("paper") == "world/dead_reckoning/map"
     assert entities.TRAJECTORY.visible("a") == ("world/a/trajectory/done", "world/a/trajectory/open")
 
 
-def test_no_path_is_there_twice():
+def test_no_path_is_there_twice() -> None:
     paths = [row.template for row in ENTITIES]
     assert len(set(paths)) == len(paths) > 30
     assert {row.owner for row in ENTITIES} == {"{run}", "dead_reckoning", "truth"}
@@ -88,7 +94,7 @@ def test_no_path_is_there_twice():
 
 
 @pytest.fixture(scope="module")
-def file(recorded, read_back):
+def file(recorded: "Recorded", read_back: "type[Readable]") -> "Readable":
     return read_back(recorded.path)
 
 
@@ -96,14 +102,14 @@ each_row = pytest.mark.parametrize("row", ENTITIES, ids=lambda row: row.template
 
 
 @each_row
-def test_every_row_is_filled_with_data(file, row):
+def test_every_row_is_filled_with_data(file: "Readable", row: Entity) -> None:
     paths = row.visible("filter") if row.kind is Kind.TRAIL else [row.path("filter")]
     for path in paths:
         assert file.temporal(path), path
 
 
 @each_row
-def test_every_row_that_is_visible_is_on_the_help_page(file, row):
+def test_every_row_that_is_visible_is_on_the_help_page(file: "Readable", row: Entity) -> None:
     page = file.static("help", "text")[0]
     for path in row.visible("filter") if row.kind is Kind.TRAIL else [row.path("filter")]:
         assert (f"| `/{path}` |" in page) == (row.kind is not Kind.FRAME), path
@@ -117,7 +123,7 @@ PLAIN = (Kind.GRID, Kind.IMAGE, Kind.FRAME)  # their data say all
 
 
 @each_row
-def test_the_static_style_is_the_rows(file, row):
+def test_the_static_style_is_the_rows(file: "Readable", row: Entity) -> None:
     if row.kind in PLAIN:
         assert row.color is None and row.width == 0.0
         return
@@ -148,7 +154,7 @@ SIDES = {"{run}": {FILTERED}, "dead_reckoning": {RECKONED}, "truth": {RECKONED, 
 
 
 @each_row
-def test_the_views_that_the_row_names_show_it_and_no_others(file, row):
+def test_the_views_that_the_row_names_show_it_and_no_others(file: "Readable", row: Entity) -> None:
     views = file.views()
     expected = {TITLES[view] for view in row.views if view in TITLES}
     if View.COMPARE in row.views:
@@ -163,7 +169,7 @@ def test_the_views_that_the_row_names_show_it_and_no_others(file, row):
         assert set(plots) == {row.title}
 
 
-def test_the_layout_holds_at_least_this(file):
+def test_the_layout_holds_at_least_this(file: "Readable") -> None:
     """Without the table: what the particles' own view and the plots show."""
     views = {view.name: view for view in file.views()}
     names = ["map", "particles", "headings", "scan/hit", "scan/miss", "trajectory/done", "trajectory/open"]
