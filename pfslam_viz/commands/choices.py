@@ -95,7 +95,7 @@ class DetailChoice:
 
     def options(self) -> Any:
         """The viewer's StreamOptions, with its own defaults for what was not chosen."""
-        from pfslam_viz.viewer.gatherer import StreamOptions
+        from pfslam_viz.viewer.collector import StreamOptions
 
         chosen = {
             "map_every": self.map_every,

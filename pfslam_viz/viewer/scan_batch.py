@@ -1,10 +1,10 @@
-"""What is drawn of consecutive Steps, copied out of them, since a filter writes over its arrays.
+"""What is shown of every scan, copied out of the Steps, since a filter writes over its arrays.
 
 Plain arrays, nothing of Rerun: :mod:`pfslam_viz.viewer.archetypes` makes Rerun's columns of them.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -22,8 +22,8 @@ def stride(total: int, most: int) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Excerpt:
-    """What is drawn of one Step, whose names it keeps; end points are thinned, ``curves`` are numbers to plot."""
+class ScanCopy:
+    """What is shown of one Step, whose names it keeps; end points are thinned, ``curves`` are numbers to plot."""
 
     index: int
     time: float
@@ -42,7 +42,7 @@ class Excerpt:
     curves: dict[str, float]
 
     @classmethod
-    def of(cls, step: Step, max_beams: int, **curves: float) -> "Excerpt":
+    def of(cls, step: Step, max_beams: int, **curves: float) -> "ScanCopy":
         """Copies of at most ``max_beams`` end points, and of everything else; ``curves`` are plotted too."""
         estimate, match = step.estimate, step.estimate.match
         every = stride(len(step.end_points), max_beams)
@@ -95,9 +95,10 @@ class Ragged:
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
-    """n Excerpts, field by field: (n, ...) each. Where one of them holds None, ``truth`` or ``correction`` is None, and
-    a curve is left out.
+class ScanBatch:
+    """n ScanCopies, field by field: (n, ...) each.
+
+    Where one of them holds None, ``truth`` or ``correction`` is None; a curve that one of them lacks is left out.
     """
 
     index: NDArray[np.int64]
@@ -117,34 +118,21 @@ class Block:
     curves: dict[str, Array]
 
     @classmethod
-    def of(cls, excerpts: Sequence[Excerpt]) -> "Block":
-        """From one Excerpt at least."""
-
-        def column(name: str) -> list[Any]:
-            return [getattr(excerpt, name) for excerpt in excerpts]
-
-        def known(name: str) -> Array | None:
-            values = column(name)
-            return None if any(value is None for value in values) else np.array(values)
-
-        names = set.intersection(*(set(excerpt.curves) for excerpt in excerpts))
-        return cls(
-            index=np.array(column("index")),
-            time=np.array(column("time")),
-            best=np.array(column("best")),
-            mean=np.array(column("mean")),
-            dead_reckoning=np.array(column("dead_reckoning")),
-            truth=known("truth"),
-            covariance=np.array(column("covariance")),
-            particles=Ragged.of(column("particles")),
-            weights=Ragged.of(column("weights")),
-            end_points=Ragged.of(column("end_points")),
-            hits=Ragged.of(column("hits")),
-            dead_reckoning_end_points=Ragged.of(column("dead_reckoning_end_points")),
-            correction=known("correction"),
-            degenerate=tuple(column("degenerate")),
-            curves={name: np.array([excerpt.curves[name] for excerpt in excerpts]) for name in names},
-        )
+    def of(cls, scans: Sequence[ScanCopy]) -> "ScanBatch":
+        """From one ScanCopy at least."""
+        batch: dict[str, Any] = {}
+        for field in fields(cls):
+            column = [getattr(scan, field.name) for scan in scans]
+            if field.type is Ragged:
+                batch[field.name] = Ragged.of(column)
+            elif field.name == "degenerate":
+                batch[field.name] = tuple(column)
+            elif field.name == "curves":
+                names = set.intersection(*map(set, column))
+                batch[field.name] = {name: np.array([curves[name] for curves in column]) for name in names}
+            else:
+                batch[field.name] = None if any(value is None for value in column) else np.array(column)
+        return cls(**batch)
 
     def __len__(self) -> int:
         return len(self.index)

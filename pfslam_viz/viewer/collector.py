@@ -1,4 +1,6 @@
-"""What a recording shows of a replay, copied out of the Steps as they come: scans in blocks, and pictures when due.
+"""What a recording shows of a replay, copied out of the Steps as they come.
+
+Scans are kept in batches; maps, textures and the like are taken when they are due.
 
 Nothing of Rerun is needed here; :mod:`pfslam_viz.viewer.drawing` draws it.
 """
@@ -13,14 +15,13 @@ from numpy.typing import NDArray
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.replay import Result
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
-from pfslam_viz.slam.protocol import LoopClosure
 from pfslam_viz.step import Step
-from pfslam_viz.viewer import entities, pictures
+from pfslam_viz.viewer import contents, entities
 from pfslam_viz.viewer.ancestry import Ancestry
-from pfslam_viz.viewer.block import Block, Excerpt, stride
 from pfslam_viz.viewer.camera_images import CameraImages
-from pfslam_viz.viewer.entities import LIDAR_Z, POSE_Z, TRAIL_Z, Entities
-from pfslam_viz.viewer.pictures import Content, Lines, Picture
+from pfslam_viz.viewer.contents import Content, Lines, TimedContent
+from pfslam_viz.viewer.entities import ONLY_RUN, Entity
+from pfslam_viz.viewer.scan_batch import ScanBatch, ScanCopy, stride
 
 if TYPE_CHECKING:
     from pfslam_viz.texture import FloorTexture
@@ -30,7 +31,6 @@ Array = NDArray[np.float64]
 MAP_FRAMES, TEXTURE_FRAMES, CAMERA_FRAMES, WALL_FRAMES = 200, 75, 200, 40
 MAP_BYTES, TEXTURE_BYTES = 200_000_000, 150_000_000  # uncompressed: what the viewer has to hold
 LINEAGES_EVERY = 10  # scans
-HISTORY_POINTS = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,34 +46,33 @@ class StreamOptions:
     max_beams: int = 270
 
 
-class Gatherer:
-    """Takes Steps with :meth:`add`, and gives what was gathered with :meth:`take`. :meth:`finish` adds the ends."""
+class Collector:
+    """Takes Steps with :meth:`add`, and gives what was collected with :meth:`take`. :meth:`finish` adds the ends."""
 
     def __init__(
-        self, recording: Recording, options: StreamOptions, names: Entities | None = None, *, shared: bool = True
+        self, recording: Recording, options: StreamOptions, run: str = ONLY_RUN, *, shared: bool = True
     ) -> None:
-        """``shared`` includes what is no run's own: dead reckoning's map."""
-        self._options, self._entities, self._shared = options, names or Entities(), shared
+        """``run`` is its name in entity paths; ``shared`` includes what is no run's own: dead reckoning's map."""
+        self._options, self._run, self._shared = options, run, shared
         n = len(recording)
-        self._maps = pictures.FrameBudget(n, MAP_FRAMES, MAP_BYTES, options.map_every)
-        self._textures = pictures.FrameBudget(n, TEXTURE_FRAMES, TEXTURE_BYTES)
-        self._walls = pictures.FrameBudget(n, WALL_FRAMES, MAP_BYTES)
-        self._lineages = pictures.FrameBudget(n, 0, 0, every=LINEAGES_EVERY)
+        self._maps = contents.FrameBudget(n, MAP_FRAMES, MAP_BYTES, options.map_every)
+        self._textures = contents.FrameBudget(n, TEXTURE_FRAMES, TEXTURE_BYTES)
+        self._walls = contents.FrameBudget(n, WALL_FRAMES, MAP_BYTES)
+        self._lineages = contents.FrameBudget(n, 0, 0, every=LINEAGES_EVERY)
         self._ancestry = Ancestry()
         span = (float(recording.stamps[0]) - 1.0, float(recording.stamps[-1]))
         self._camera = CameraImages(recording.frames, span, CAMERA_FRAMES)
-        self._closures: list[LoopClosure] = []
         self._last: Step | None = None
         self._counts = {"particles": 0, "beams": 0}
-        self._excerpts: list[Excerpt] = []
-        self._pictures: list[Picture] = []
+        self._scans: list[ScanCopy] = []
+        self._contents: list[TimedContent] = []
 
     def __len__(self) -> int:
-        """The scans gathered."""
-        return len(self._excerpts)
+        """The scans collected."""
+        return len(self._scans)
 
     def add(self, step: Step) -> None:
-        """Take a scan, and the pictures that are due."""
+        """Take a scan, and the contents that are due."""
         self._last = step
         maps_due = self._maps.is_due(step.index)
         if maps_due and self._shared:
@@ -81,42 +80,39 @@ class Gatherer:
         self._counts["particles"] = max(self._counts["particles"], len(step.estimate.weights))
         self._counts["beams"] = max(self._counts["beams"], len(step.end_points))
         lineages = self._ancestry.add(step.estimate.particles, step.estimate.parents)
-        self._excerpts.append(Excerpt.of(step, self._options.max_beams, lineages=lineages))
+        self._scans.append(ScanCopy.of(step, self._options.max_beams, lineages=lineages))
         if self._lineages.is_due(step.index):
             self._lineages.spend(step.index, 0)
-            self._add(self._entities.filter("lineages"), step, Lines(self._ancestry.segments(), LIDAR_Z))
+            self._add(entities.LINEAGES, step, Lines(self._ancestry.segments(), entities.LINEAGES.z))
         if maps_due:
             self._maps.spend(step.index, self._add_maps(step, step.grid, step.dead_reckoning_grid))
-            if (history := step.estimate.history) is not None:
-                thinned = history[:: stride(len(history), HISTORY_POINTS)]
-                self._add_lines("history", step, [np.vstack([thinned, history[-1:]])], TRAIL_Z)
         if self._walls.is_due(step.index):
             self._walls.spend(step.index, 0)
-            self._add(self._entities.filter("walls"), step, pictures.walls(step.grid))
+            self._add(entities.WALLS, step, contents.walls(step.grid))
         if step.texture is not None:
             self._add_texture(step, step.texture)
-        self._add_closures(step, step.estimate.closures)
-        for kind, image in self._camera.due(step.stamp):
-            path = self._entities.filter("robot/camera") if kind == "color" else self._entities.disparity_image
-            self._add(path, step, image)
+        for row, image in self._camera.due(step.stamp):
+            self._add(row, step, image)
 
     def finish(self, result: Result) -> None:
-        """Take what is known only at the end: the last maps, the trajectory in hindsight."""
+        """Take what is known only at the end: the last maps, the trajectory in hindsight, closed loops."""
         if self._last is None:
             return
         self._add_maps(self._last, result.grid, result.dead_reckoning_grid)
-        self._add(self._entities.filter("walls"), self._last, pictures.walls(result.grid))
+        self._add(entities.WALLS, self._last, contents.walls(result.grid))
         if result.texture is not None:
             self._add_texture(self._last, result.texture, always=True)
         if hindsight_differs(result):
-            self._add_lines("hindsight", self._last, [result.estimate], TRAIL_Z)
-        self._add_closures(self._last, result.closures)
+            self._add_lines(entities.HINDSIGHT_TRAJECTORY, self._last, [result.estimate])
+        if result.closures:
+            pairs = [np.stack([c.earlier_position, c.later_position]) for c in result.closures]
+            self._add_lines(entities.CLOSURES, self._last, pairs)
 
-    def take(self) -> tuple[Block | None, tuple[Picture, ...]]:
-        """The scans (None: there are none) and the pictures since the last call."""
-        block, taken = Block.of(self._excerpts) if self._excerpts else None, tuple(self._pictures)
-        self._excerpts, self._pictures = [], []
-        return block, taken
+    def take(self) -> tuple[ScanBatch | None, tuple[TimedContent, ...]]:
+        """The scans (None: there are none) and the other contents since the last call."""
+        batch, taken = ScanBatch.of(self._scans) if self._scans else None, tuple(self._contents)
+        self._scans, self._contents = [], []
+        return batch, taken
 
     def close(self) -> None:
         """Stop decoding camera images."""
@@ -140,39 +136,29 @@ class Gatherer:
             out.append(f"camera images: {self._camera.logged:,} of {self._camera.available:,} of a kind")
         return out
 
-    def _add(self, path: str, step: Step, content: Content) -> None:
-        self._pictures.append(Picture(path, step.index, step.time, content))
+    def _add(self, row: Entity, step: Step, content: Content) -> None:
+        self._contents.append(TimedContent(row.path(self._run), step.index, step.time, content))
 
-    def _add_lines(self, name: str, step: Step, lines: Sequence[Array], z: float) -> None:
-        copies = [line[:, :2].astype(np.float32) for line in lines]
-        self._add(self._entities.filter(name), step, Lines(copies, z))
+    def _add_lines(self, row: Entity, step: Step, lines: Sequence[Array]) -> None:
+        self._add(row, step, Lines([line[:, :2].astype(np.float32) for line in lines], row.z))
 
     def _add_maps(self, step: Step, grid: OccupancyGrid, reckoned: OccupancyGrid) -> int:
         """Bytes of what was added."""
-        grids = {self._entities.filter("map"): grid}
-        if self._shared:
-            grids[entities.dead_reckoning("map")] = reckoned
+        grids = [(entities.MAP, grid), (entities.RECKONED_MAP, reckoned)]
         size = 0
-        for path, shown in grids.items():
-            cells = pictures.grid_map(shown)
-            self._add(path, step, cells)
+        for row, shown in grids if self._shared else grids[:1]:
+            cells = contents.grid_map(shown)
+            self._add(row, step, cells)
             size += cells.values.size
         return size
 
     def _add_texture(self, step: Step, texture: "FloorTexture", always: bool = False) -> None:
         if always or self._textures.is_due(step.index):
-            cells = pictures.texture_map(texture)
+            cells = contents.texture_map(texture)
             self._textures.spend(step.index, cells.values.size)
-            self._add(self._entities.filter("texture"), step, cells)
+            self._add(entities.TEXTURE, step, cells)
         else:
             self._textures.skipped += 1
-
-    def _add_closures(self, step: Step, closures: Sequence[LoopClosure]) -> None:
-        """Add newly closed loops to those that are drawn."""
-        if closures:
-            self._closures += closures
-            pairs = [np.stack([c.earlier_position, c.later_position]) for c in self._closures]
-            self._add_lines("closures", step, pairs, POSE_Z)
 
 
 def hindsight_differs(result: Result) -> bool:

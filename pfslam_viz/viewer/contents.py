@@ -1,6 +1,6 @@
 """What is shown of some scans only: grids, textures, walls, lines, camera images; and how many a recording may hold.
 
-Plain arrays, copied, as in :mod:`pfslam_viz.viewer.block`.
+Plain arrays, copied, as in :mod:`pfslam_viz.viewer.scan_batch`.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pfslam_viz.recordings.images import UnusableImage, read_image
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.viewer import kernels
-from pfslam_viz.viewer.entities import MAP_Z, TEXTURE_Z
+from pfslam_viz.viewer.entities import MAP, TEXTURE
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -67,7 +67,7 @@ Content = Cells | Boxes | Lines | Jpeg
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class TimedContent:
     """What the entity ``path`` shows from scan ``step`` on, ``seconds`` after the first one."""
 
     path: str
@@ -78,9 +78,9 @@ class Picture:
 
 @dataclass
 class FrameBudget:
-    """Spreads ``frames`` pictures, and at most ``bytes`` of them uncompressed, over ``steps`` steps.
+    """Spreads ``frames`` frames (maps, textures), and at most ``bytes`` of them uncompressed, over ``steps`` steps.
 
-    A picture that grows in mid-run is shown less often, so that the viewer's memory holds the whole recording.
+    A map that grows in mid-run is shown less often, so that the viewer's memory holds the whole recording.
     """
 
     steps: int
@@ -93,11 +93,11 @@ class FrameBudget:
     _spent: int = 0
 
     def is_due(self, step: int) -> bool:
-        """Whether ``step`` (counted from 0) gets a picture."""
+        """Whether ``step`` (counted from 0) gets a frame."""
         return step >= self._next
 
     def spend(self, step: int, size: int) -> None:
-        """A picture of ``size`` bytes was logged at ``step``."""
+        """A frame of ``size`` bytes was logged at ``step``."""
         self.logged += 1
         self._spent += size
         if self.every is not None:
@@ -120,7 +120,7 @@ def occupancy(log_odds: NDArray[np.float32]) -> tuple[NDArray[np.uint8], slice, 
 def grid_map(grid: OccupancyGrid) -> Cells:
     """The known part of the grid. Row 0 is the top in both."""
     cells, rows, columns = occupancy(grid.log_odds)
-    return _placed(cells, grid, rows, columns, MAP_Z)
+    return _placed(cells, grid, rows, columns, MAP.z)
 
 
 def _slices(box: NDArray[np.int64]) -> tuple[slice, slice]:
@@ -144,7 +144,7 @@ def texture_map(texture: "FloorTexture") -> Cells:
     colors = np.empty((*painted.shape, 4), np.uint8)
     colors[..., :3] = texture.color[rows, columns]
     colors[..., 3] = painted * np.uint8(255)
-    return _placed(colors, texture, rows, columns, TEXTURE_Z)
+    return _placed(colors, texture, rows, columns, TEXTURE.z)
 
 
 def walls(grid: OccupancyGrid) -> Boxes:
