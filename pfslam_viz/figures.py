@@ -68,7 +68,7 @@ class _Collector:
             Snapshot(
                 scans=scans,
                 time=step.time,
-                trajectory=np.array(self.online if estimate.history is None else estimate.history),
+                trajectory=np.array(self.online),
                 particles=estimate.particles[:: max(1, len(estimate.particles) // MOST_PARTICLES), :2].copy(),
                 grid=grid_layer(step.grid),
                 texture=None if self.texture is None else texture_layer(self.texture),

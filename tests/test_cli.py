@@ -20,8 +20,10 @@ import numpy as np
 import pytest
 
 from pfslam_viz import cli
-from pfslam_viz.commands.choices import ConfigChoice, SinkChoice, default_config_name
+from pfslam_viz.commands.choices import ConfigChoice, SinkChoice
+from pfslam_viz.config import load_config
 from pfslam_viz.errors import InputError, PfslamError
+from pfslam_viz.slam.paper.settings import PaperConfig
 from pfslam_viz.slam.worker import cores
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -453,16 +455,16 @@ def test_a_configuration_with_settings_of_its_own() -> None:
     config = choice.load()
     assert config.name == "paper,particles=50,motion.variance=[0.1,0.2,0.3]"
     assert (config.particles, config.seed, config.map.cell) == (50, 3, 0.1)
-    assert config.motion.variance == (0.1, 0.2, 0.3)
+    assert isinstance(config, PaperConfig) and config.motion.variance == (0.1, 0.2, 0.3)
     assert ConfigChoice.parse("paper", (), 99).load().particles == 99
 
 
-def test_the_default_configuration_depends_on_the_format(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pfslam_viz.commands.choices.configs_dir", lambda: tmp_path)
-    assert default_config_name("carmen") == "default"
-    (tmp_path / "carmen.toml").write_text("")
-    assert default_config_name("carmen") == "carmen"
-    assert default_config_name("ece276a") == "default"
+def test_a_mistake_is_blamed_on_the_option_that_made_it() -> None:
+    with pytest.raises(InputError, match=r"^--particles 1000000: 'particles' = 1000000"):
+        ConfigChoice.parse("paper", (), 1_000_000).load()
+    with pytest.raises(InputError, match=r"^--set map.cell=9: 'map.cell' = 9"):
+        ConfigChoice.parse("paper,map.cell=9").load()
+    assert ConfigChoice().load() == load_config("default")
 
 
 # The README

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pfslam_viz.config import Config, configs_dir, load_config
+from pfslam_viz.config import Config, load_config
 from pfslam_viz.errors import InputError
 from pfslam_viz.files import check_writable
 
@@ -45,7 +45,7 @@ class RecordingChoice:
 
 @dataclass(frozen=True, slots=True)
 class ConfigChoice:
-    """``--config`` with ``--set``, ``--particles`` and ``--seed``; ``name`` None leaves it to the recording."""
+    """``--config`` with ``--set``, ``--particles`` and ``--seed``; ``name`` None is the default one."""
 
     name: str | None = None
     settings: tuple[str, ...] = ()
@@ -70,19 +70,14 @@ class ConfigChoice:
             text if own else None,
         )
 
-    def load(self, recording_format: str = "") -> Config:
-        """The configuration; ``recording_format`` picks the default one where the user named none."""
+    def load(self) -> Config:
+        """The configuration. A mistake is blamed on the option that made it."""
         overrides = {"particles": self.particles, "seed": self.seed}
-        settings = [*self.settings, *(f"{key}={value}" for key, value in overrides.items() if value is not None)]
+        options = {f"{key}={value}": f"--{key} {value}" for key, value in overrides.items() if value is not None}
+        settings = [*self.settings, *options]
         if self.label is not None:
             settings.append(f"name='{self.label}'")
-        return load_config(self.name or default_config_name(recording_format), settings)
-
-
-def default_config_name(recording_format: str) -> str:
-    """``carmen`` for CARMEN logs where such a configuration is shipped, else ``default``."""
-    own = recording_format == "carmen" and (configs_dir() / "carmen.toml").is_file()
-    return "carmen" if own else "default"
+        return load_config(self.name or "default", settings, lambda text: options.get(text, f"--set {text}"))
 
 
 @dataclass(frozen=True, slots=True)

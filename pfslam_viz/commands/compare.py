@@ -24,11 +24,9 @@ def run(
         raise InputError("compare needs two configurations or more: --config paper --config default")
     sinks = sinks.or_viewer()
     sinks.check()
-    for choice in config_choices:
-        choice.load()
+    configs = [choice.load() for choice in config_choices]
     started = perf_counter()
     recording = read(chosen, quiet)
-    configs = [choice.load(recording.format) for choice in config_choices]
     load_kernels(quiet)
     with sinks.open() as sink:
         with replay_progress(recording, quiet, "compare", len(configs)) as bar, stop_on_interrupt() as stopped:

@@ -11,11 +11,9 @@ def run(
     chosen: RecordingChoice, config_choices: list[ConfigChoice], seeds: int, paper: bool, as_json: bool, quiet: bool
 ) -> None:
     """Score every configuration over ``seeds`` seeds, with the paper's filter beside them unless it is unwanted."""
-    for choice in config_choices:
-        choice.load()
+    configs = [choice.load() for choice in config_choices]
     with console.status(f"reading {chosen.name}", quiet):
         recording = chosen.load()
-    configs = [choice.load(recording.format) for choice in config_choices]
     load_kernels(quiet)
     with replay_progress(recording, quiet, "evaluate") as bar:
         report = evaluate(recording, configs, range(seeds), on_progress=bar.show, paper=paper)

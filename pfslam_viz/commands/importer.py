@@ -65,14 +65,13 @@ def _opened_as_folder(path: Path, application: str | None) -> bool:
 
 def _replay(path: Path, application: str | None, recording_id: str | None, config_name: str | None) -> None:
     from pfslam_viz.api import run
-    from pfslam_viz.commands.choices import default_config_name
     from pfslam_viz.config import load_config
     from pfslam_viz.recordings.catalog import load_recording
     from pfslam_viz.viewer.sinks import APPLICATION_ID, open_sinks
     from pfslam_viz.viewer.stream import replay_stream
 
     recording = load_recording(path)
-    config = load_config(config_name or default_config_name(recording.format))
+    config = load_config(config_name or "default")
     with open_sinks(stdout=True, application_id=application or APPLICATION_ID, recording_id=recording_id) as sink:
         stream = replay_stream(recording, config, sink)
         stream.finish(run(recording, config, on_step=stream.log))

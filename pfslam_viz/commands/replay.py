@@ -66,9 +66,9 @@ def read(chosen: RecordingChoice, quiet: bool) -> Recording:
 
 def load(chosen: RecordingChoice, config_choice: ConfigChoice, quiet: bool) -> tuple[Recording, Config]:
     """The recording and the configuration; a mistake in the configuration shows before a long load."""
-    config_choice.load()
+    config = config_choice.load()
     recording = read(chosen, quiet)
-    return recording, config_choice.load(recording.format)
+    return recording, config
 
 
 def keep_serving(sinks: SinkChoice, result: Result) -> None:
