@@ -9,7 +9,7 @@ from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
-from pfslam_viz.slam.observation import ScanReader
+from pfslam_viz.slam.scan_reader import ScanReader
 
 from pfslam_viz.config import Config
 from pfslam_viz.recordings.recording import Recording
@@ -88,7 +88,7 @@ class LiteralFilter:
         reader = ScanReader.of(self.recording.lidar, self.config.observation)
         for k in range(len(self.recording)):
             scan = reader.read(k, float(self.recording.stamps[k]), self.recording.ranges[k])
-            points, origin = scan.points, scan.origin
+            points, origin = scan.points, scan.lidar_position
             marks = [perf_counter()]
             if k > 0:
                 self.predict(self.recording.odometry[k])
