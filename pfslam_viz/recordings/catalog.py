@@ -6,6 +6,7 @@ from pathlib import Path
 
 from pfslam_viz.errors import InputError
 from pfslam_viz.recordings import formats
+from pfslam_viz.recordings.checking.check import check, refuse_wrong
 from pfslam_viz.recordings.formats import LoadOptions, Place, format_named, format_of, in_words
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.recordings.sources import SOURCES
@@ -47,24 +48,38 @@ def recordings_dir() -> Path:
 
 
 def load_recording(
-    name_or_path: str | Path, data: Path | None = None, robot: str | Path = "ece276a", **options: str | None
+    name_or_path: str | Path,
+    data: Path | None = None,
+    robot: str | Path = "ece276a",
+    *,
+    force: bool = False,
+    **options: str | None,
 ) -> Recording:
     """The recording that a name (``21``, ``demo``, ``intel``, a folder in ``data``) or a path stands for.
+
+    It is checked as a whole: what is wrong with it is in ``findings``, and mended where that is safe.
 
     Args:
         name_or_path: a name; or the path of a file, or of a folder that holds one recording.
         data: the folder to look a name up in, instead of :func:`recordings_dir`.
         robot: geometry for the course's sets: a shipped name or the path of a TOML file.
+        force: whether to give it back even if it was found to be wrong.
         options: the other fields of :class:`~pfslam_viz.recordings.formats.LoadOptions`, for formats that read them.
 
     Raises:
         InputError: it is not there, with where it was looked for and how to get it; or it cannot be used.
     """
-    return load_place(find(name_or_path, data, make_demo=True), data, LoadOptions(robot, **options))
+    recording = load_place(find(name_or_path, data, make_demo=True), data, LoadOptions(robot, **options))
+    if not force:
+        refuse_wrong(recording)
+    return recording
 
 
 def load_place(place: Place, data: Path | None, options: LoadOptions) -> Recording:
-    """The recording that lies there; ``data`` is where it was looked for. Errors as for :func:`load_recording`."""
+    """The recording that lies there, checked but not refused; ``data`` is where it was looked for.
+
+    Errors as for :func:`load_recording`.
+    """
     row = format_named(place.format)
     if unread := [name for name in options.given() if name not in row.options]:
         readers = [other for other in formats.FORMATS if unread[0] in other.options]
@@ -74,7 +89,7 @@ def load_place(place: Place, data: Path | None, options: LoadOptions) -> Recordi
         known = place.number or place.name
         hint = f"; {_fetch_hint(known, data or place.path)}" if known in SOURCES else ""
         raise InputError(f"{place.path}: {row.noun} {known} lacks {', '.join(missing)}{hint}")
-    return row.reader.load(place, options)
+    return check(row.reader.load(place, options))
 
 
 def find(name_or_path: str | Path, data: Path | None = None, make_demo: bool = False) -> Place:

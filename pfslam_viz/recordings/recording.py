@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from pfslam_viz import geometry
 from pfslam_viz.errors import InputError
 from pfslam_viz.recordings import checks
+from pfslam_viz.recordings.findings import Finding
 from pfslam_viz.recordings.stamps import distinct_scans
 from pfslam_viz.robot import CameraGeometry
 
@@ -144,6 +145,10 @@ class Recording:
         relations: true relative poses, if known.
         notes: what was wrong with the files and how it was handled, a sentence each.
         streams: every sensor's own stamps, for ``info``; no algorithm needs them.
+        findings: what was found wrong with it as a whole, the notes among them once it is checked.
+        odometry_known: (n,) bool, False where ``odometry`` is but a guess, in place of a step that cannot be; None
+            where all of it was measured.
+        checked: whether it went through :func:`~pfslam_viz.recordings.checking.check.check`.
     """
 
     name: str
@@ -158,6 +163,9 @@ class Recording:
     relations: Relations | None = None
     notes: tuple[str, ...] = field(default_factory=tuple)
     streams: tuple[Stream, ...] = field(default_factory=tuple)
+    findings: tuple[Finding, ...] = field(default_factory=tuple)
+    odometry_known: NDArray[np.bool_] | None = None
+    checked: bool = False
 
     def __post_init__(self) -> None:
         whose = self.path or self.name
@@ -171,6 +179,12 @@ class Recording:
         if bad:
             notes += (f"lidar: {bad} ranges that are NaN or infinite taken as no return",)
         _set(self, stamps=stamps, ranges=ranges, odometry=odometry, notes=notes, streams=tuple(self.streams))
+        _set(self, findings=tuple(self.findings))
+        if self.odometry_known is not None:
+            known = np.asarray(self.odometry_known)
+            if known.dtype != bool or known.shape != (len(stamps),):
+                raise InputError(f"{whose}: odometry_known is no bool for every scan; ({len(stamps)},) is expected")
+            _set(self, odometry_known=known)
 
     @classmethod
     def from_arrays(
@@ -270,7 +284,13 @@ class Recording:
         """The recording made of scans ``start:stop:stride``; the odometry between the kept scans is composed."""
         kept = np.arange(len(self))[start:stop:stride]
         steps = geometry.increments(self.dead_reckoning()[kept])
-        return replace(self, stamps=self.stamps[kept], ranges=self.ranges[kept], odometry=steps)
+        known = self.odometry_known
+        if known is not None:  # a composed step is known if all of its parts are
+            unknown = np.cumsum(~known)[kept]
+            known = np.diff(unknown, prepend=unknown[:1]) == 0
+        return replace(
+            self, stamps=self.stamps[kept], ranges=self.ranges[kept], odometry=steps, odometry_known=known
+        )
 
 
 def _steps(

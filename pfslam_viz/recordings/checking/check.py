@@ -1,0 +1,52 @@
+"""The one check that every recording goes through, once, before it is replayed."""
+
+from dataclasses import replace
+
+from pfslam_viz.errors import InputError
+from pfslam_viz.recordings.checking import beams, clocks, jumps, odometry
+from pfslam_viz.recordings.checking.draft import Draft
+from pfslam_viz.recordings.findings import Finding, of
+from pfslam_viz.recordings.recording import Recording
+
+STAGES = (
+    clocks.check_unit,
+    clocks.check_stray,
+    beams.check_angles,
+    beams.check_unit,
+    beams.check_far,
+    beams.check_returns,
+    odometry.check_odometry,
+    jumps.check_jumps,
+    clocks.check_streams,
+)
+"""In this order: what one of them has mended, those after it can rely on."""
+
+
+def check(recording: Recording) -> Recording:
+    """The recording with all that can be found wrong with it in ``findings``, and mended where that is safe.
+
+    Its own notes are among the findings, and what was mended for certain among its notes. A recording that was checked
+    before is returned as it is. Nothing is refused here: see :func:`refuse_wrong`.
+    """
+    if recording.checked:
+        return recording
+    draft = Draft(recording, list(recording.findings))
+    for stage in STAGES:
+        stage(draft)
+        if draft.hopeless:
+            break  # the rest would only follow from it
+    known = {finding.message for finding in draft.findings}
+    noted = [Finding("note", "reader_note", note) for note in recording.notes if note not in known]
+    notes = [finding.message for finding in of(draft.findings, "note") if finding.message not in recording.notes]
+    return replace(
+        draft.recording,
+        findings=(*draft.findings, *noted),
+        notes=(*draft.recording.notes, *notes),
+        checked=True,
+    )
+
+
+def refuse_wrong(recording: Recording) -> None:
+    """Raise InputError for a checked recording that has a wrong finding: file, what, and what to do."""
+    if wrong := of(recording.findings, "wrong"):
+        raise InputError(f"{recording.path or recording.name}: {wrong[0].line}; --force replays it anyway")

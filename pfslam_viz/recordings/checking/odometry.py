@@ -1,0 +1,181 @@
+"""Odometry that cannot be right: poses where increments are due, degrees, millimetres, jumps, or none at all."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pfslam_viz import geometry
+from pfslam_viz.recordings.checking.agreement import Pairs, disagreement, explains_better, pairs_apart
+from pfslam_viz.recordings.checking.draft import Draft
+from pfslam_viz.recordings.recording import Recording
+
+Array = NDArray[np.float64]
+
+# What no robot with a scanner reaches, over a scan: m/s and rad/s.
+FASTEST, FASTEST_TURN = 10.0, 20.0
+_LENGTHS = {1e-3: "millimetres", 1e-2: "centimetres"}
+_NOTHING = 1e-9  # m and rad
+
+
+def check_odometry(draft: Draft) -> None:
+    """All that can be told of the odometry, and what of it can be mended."""
+    if len(draft.recording) < 5:
+        return
+    if np.abs(draft.recording.odometry).max() < _NOTHING:
+        _check_absent(draft)
+        return
+    _check_cumulative(draft)
+    _check_degrees(draft)
+    _check_lengths(draft)
+    _check_stuck(draft)
+
+
+def speeds(draft: Draft, odometry: Array | None = None) -> tuple[Array, Array]:
+    """Speed (n - 1,) m/s and yaw rate (n - 1,) rad/s, both without sign, from each scan to the next."""
+    steps = (draft.recording.odometry if odometry is None else odometry)[1:]
+    intervals = draft.intervals()
+    return np.hypot(steps[:, 0], steps[:, 1]) / intervals, np.abs(steps[:, 2]) / intervals
+
+
+def _fits(recording: Recording, odometry: Array, pairs: Pairs) -> Array:
+    return disagreement(recording.lidar, recording.ranges, odometry, pairs)
+
+
+def _check_cumulative(draft: Draft) -> None:
+    """Poses that were given as if they were motions: far too fast, unless they are taken as poses."""
+    recording = draft.recording
+    speed, turning = speeds(draft)
+    if np.percentile(speed, 90) < 2.5 and np.percentile(turning, 90) < 2.0:
+        return
+    steps = geometry.increments(recording.odometry)
+    if np.abs(steps[1]).max() > 3 * np.abs(steps[2:12]).max():
+        steps[1] = steps[2]  # the first pose was no increment, and is lost
+    as_poses = speeds(draft, steps)
+    if np.percentile(as_poses[0], 98) > FASTEST or np.percentile(as_poses[1], 98) > FASTEST_TURN:
+        return
+    pairs = pairs_apart(steps)
+    if explains_better(_fits(recording, steps, pairs), _fits(recording, recording.odometry, pairs)):
+        draft.mend(odometry=steps)
+        draft.add(
+            "note",
+            "odometry_cumulative",
+            f"odometry: poses where motions from scan to scan are due ({np.percentile(speed, 90):.3g} m/s, if they were"
+            " motions); taken as poses",
+            "give them as odometry_poses",
+        )
+
+
+def _check_degrees(draft: Draft) -> None:
+    """Turns in degrees, or a yaw rate in degrees a second."""
+    recording = draft.recording
+    _, turning = speeds(draft)
+    if np.percentile(turning, 98) < 2.0:
+        return
+    steps = _turned_less(recording.odometry)
+    pairs = pairs_apart(steps, distance=1.0)
+    if not explains_better(_fits(recording, steps, pairs), _fits(recording, recording.odometry, pairs)):
+        return
+    said = f"odometry: turns of up to {turning.max():.3g} rad/s are degrees by what the scans show"
+    direction = np.arctan2(steps[:, 1], steps[:, 0])
+    length = np.hypot(steps[:, 0], steps[:, 1])
+    ahead = np.abs((length * np.exp(2j * direction)).sum()) / max(float(length.sum()), _NOTHING)
+    if length.sum() > 1.0 and ahead < 0.7:
+        draft.add("wrong", "turns_in_degrees", said, "give headings, turns and yaw rates in radians")
+        return
+    draft.mend(odometry=steps)
+    draft.add("note", "turns_in_degrees", f"{said}; converted to radians")
+
+
+def _turned_less(odometry: Array) -> Array:
+    """The ``odometry`` (n, 3) with its turns taken as degrees.
+
+    Where it was made of wheels and a gyro, equation (17), the step was bent by the turn; it is bent anew.
+    """
+    x, y, turn = odometry.T
+    half, length = 0.5 * turn, np.hypot(x, y)
+    ahead = x * np.cos(half) + y * np.sin(half)
+    turned = (length > 1e-4) & (np.abs(turn) > 0.02)
+    out = odometry.copy()
+    out[:, 2] = np.radians(turn)
+    if turned.sum() > 3 and np.median(1.0 - np.abs(ahead[turned]) / length[turned]) < 1e-4:
+        bent = np.sinc(half / np.pi)
+        rolled = np.where(np.abs(bent) > 0.05, ahead / np.where(bent == 0, 1.0, bent), np.nan)
+        known = np.isfinite(rolled)
+        rolled = np.interp(np.arange(len(rolled)), np.flatnonzero(known), rolled[known])
+        straight = rolled * np.sinc(0.5 * out[:, 2] / np.pi)
+        out[:, 0], out[:, 1] = straight * np.cos(0.5 * out[:, 2]), straight * np.sin(0.5 * out[:, 2])
+    return out
+
+
+def _check_lengths(draft: Draft) -> None:
+    """Motions in mm or cm, by their speed and by what the scans show."""
+    recording = draft.recording
+    speed, _ = speeds(draft)
+    if np.percentile(speed, 75) < FASTEST:
+        return
+    for factor, unit in _LENGTHS.items():
+        steps = recording.odometry * (factor, factor, 1.0)
+        pairs = pairs_apart(steps)
+        others = [recording.odometry * (f, f, 1.0) for f in (1.0, *_LENGTHS) if f != factor]
+        fit = _fits(recording, steps, pairs)
+        if all(explains_better(fit, _fits(recording, other, pairs)) for other in others):
+            draft.mend(odometry=steps)
+            draft.add(
+                "note",
+                f"odometry_in_{unit}",
+                f"odometry: in {unit} ({np.percentile(speed, 75):.4g} m/s, if it were metres); converted to metres",
+            )
+            return
+
+
+def _check_absent(draft: Draft) -> None:
+    """Odometry that is zero throughout, while the scans do or do not change."""
+    recording = draft.recording
+    moved = _moved(recording, np.linspace(0, len(recording) - 1, 24).astype(int))
+    seen = "the scans show that the robot moves" if moved else "the scans do not change either"
+    draft.add(
+        "doubtful" if moved else "note",
+        "no_odometry",
+        f"odometry: there is none, or it is zero throughout; {seen}",
+        "scans are matched with each other alone; add odometry if the robot has any" if moved else "",
+    )
+
+
+def _moved(recording: Recording, scans: NDArray[np.intp]) -> bool:
+    """Whether most beams read other ranges at most of the ``scans``, compared with the one before them there."""
+    scans = np.unique(scans)
+    pairs = Pairs(scans[:-1], scans[1:])
+    off = _fits(recording, np.zeros_like(recording.odometry), pairs)
+    return bool(np.nanmedian(np.where(np.isfinite(off), off, 1.0)) > 0.08) if len(off) else False
+
+
+def _check_stuck(draft: Draft) -> None:
+    """Stretches in which the odometry stands still while the scans do not."""
+    recording = draft.recording
+    rests = np.abs(recording.odometry[:, :2]).max(axis=1) < _NOTHING
+    rests[0] = False
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], rests.view(np.int8), [0]])))
+    starts, ends = edges[::2] - 1, edges[1::2] - 1  # scans between which it rests
+    lasted = recording.stamps[ends] - recording.stamps[starts]
+    long = np.flatnonzero((lasted > 5.0) & (ends - starts >= 10))
+    long = long[np.argsort(-lasted[long])][:50]
+    if len(long) == 0:
+        return
+    starts, ends, lasted = starts[long], ends[long], lasted[long]
+    middle = (starts + ends) // 2
+    poses = recording.dead_reckoning()
+    off = [
+        disagreement(recording.lidar, recording.ranges, recording.odometry, Pairs(a, b), poses)
+        for a, b in ((starts, middle), (middle, ends), (starts, ends))
+    ]
+    stuck = (np.nan_to_num(np.stack(off)) > 0.15).sum(axis=0) >= 2
+    if stuck.any():
+        k = int(np.argmax(np.where(stuck, lasted, 0.0)))
+        stretches = "1 stretch" if stuck.sum() == 1 else f"{int(stuck.sum())} stretches"
+        draft.add(
+            "doubtful",
+            "odometry_stands_still",
+            f"odometry: stands still while the scans move, in {stretches}; the longest lasts {lasted[k]:.1f} s from"
+            f" scan {starts[k]:,} on",
+            "look at the encoders or the odometry's source there",
+            int(starts[k]),
+        )
