@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pfslam_viz.config import load_robot
 from pfslam_viz.errors import InputError
 from pfslam_viz.recordings import npz
+from pfslam_viz.recordings.checking import units
 from pfslam_viz.recordings.ece276a_frames import KINECT, read_frames
 from pfslam_viz.recordings.recording import Lidar, Recording, Stream, Trajectory
 from pfslam_viz.recordings.stamps import distinct_scans, order
@@ -107,33 +108,42 @@ def load(path: Path, number: int | str | None = None, robot: Robot | None = None
     scans = _read_scans(folder / f"Hokuyo{set_name}.npz", robot, notes)
     sensors = read_sensors(folder, set_name, robot)
     notes += sensors.notes
-    first, last = float(scans.stamps[0]), float(scans.stamps[-1])
-    for stream in sensors.streams:
-        _check_overlap(folder, set_name, stream, first, last)
+    gyro = sensors.odometry.gyro_stamps
+    unit = units.unit_like(scans.stamps, float(gyro[0]), float(gyro[-1]))
+    stamps = scans.stamps * unit
+    first, last = float(stamps[0]), float(stamps[-1])
     notes += _held(sensors.odometry, first, last)
     frames, frame_streams = read_frames(folder, set_name, robot, notes)
+    if unit != 1.0:
+        frames = frames and frames.scaled(unit)
+        frame_streams = tuple(stream.scaled(unit) for stream in frame_streams)
     return Recording(
         name=name or set_name,
         format="ece276a",
         path=folder,
-        stamps=scans.stamps,
+        stamps=stamps,
         ranges=scans.ranges,
         lidar=scans.lidar,
-        odometry=sensors.odometry.increments(scans.stamps),
+        odometry=sensors.odometry.increments(stamps),
         frames=frames,
         truth=_read_truth(folder, set_name, first, last, notes),
         notes=tuple(notes),
-        streams=(Stream("lidar", scans.stamps), *sensors.streams, *frame_streams),
+        streams=(Stream("lidar", stamps), *sensors.streams, *frame_streams),
+        findings=units.converted({"lidar": unit, **sensors.units}),
     )
 
 
 @dataclass(frozen=True, slots=True)
 class Sensors:
-    """Encoders and IMU of one set; there is no lidar in it. ``streams`` are their stamps."""
+    """Encoders and IMU of one set; there is no lidar in it.
+
+    ``streams`` are their stamps in s; ``units`` are how many seconds each of them had been written in.
+    """
 
     odometry: WheelOdometry
     streams: tuple[Stream, Stream]
     notes: tuple[str, ...]
+    units: dict[str, float]
 
 
 def read_sensors(folder: Path, number: str, robot: Robot) -> Sensors:
@@ -161,8 +171,13 @@ def read_sensors(folder: Path, number: str, robot: Robot) -> Sensors:
     kept = order(gyro_stamps, "IMU", notes)
     gyro_stamps, yaw_rate = gyro_stamps[kept], yaw_rate[kept]
     _require_samples(path, gyro_stamps)
+    gyro_unit = units.gyro_unit(gyro_stamps)
+    gyro_stamps = gyro_stamps * gyro_unit
+    wheel_unit = units.unit_like(wheel_stamps, float(gyro_stamps[0]), float(gyro_stamps[-1]))
+    wheel_stamps = wheel_stamps * wheel_unit
     odometry = WheelOdometry.from_sensors(wheel_stamps, counts, robot.meters_per_tick, gyro_stamps, yaw_rate)
-    return Sensors(odometry, (Stream("encoders", wheel_stamps), Stream("IMU", gyro_stamps)), tuple(notes))
+    streams = (Stream("encoders", wheel_stamps), Stream("IMU", gyro_stamps))
+    return Sensors(odometry, streams, tuple(notes), {"encoders": wheel_unit, "IMU": gyro_unit})
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,14 +235,6 @@ def _require_samples(path: Path, stamps: Array) -> None:
         raise InputError(f"{path}: holds no samples")
 
 
-def _check_overlap(folder: Path, number: str, stream: Stream, first: float, last: float) -> None:
-    start, end = float(stream.stamps[0]), float(stream.stamps[-1])
-    if end < first or start > last:
-        raise InputError(
-            f"{folder}: {stream.name} and lidar of set {number} do not overlap in time; are they of one drive?"
-        )
-
-
 def _held(odometry: WheelOdometry, first: float, last: float) -> list[str]:
     """Notes on the time of the scans that encoders or IMU do not cover, where they are taken to rest."""
     notes = []
@@ -256,6 +263,7 @@ def _read_truth(folder: Path, number: str, first: float, last: float, notes: lis
         if (poses := arrays["pose"]).shape != (len(stamps), 3):
             poses = npz.matrix(arrays, "pose", path, 3, len(stamps)).T
         poses = poses.astype(np.float64)
+        stamps = stamps * units.unit_like(stamps, first, last)
     except InputError as error:
         notes.append(f"truth: left out; {error}")
         return None

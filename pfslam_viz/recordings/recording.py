@@ -115,6 +115,11 @@ class Frames:
                 )
             _set(self, **{f"{kind}_stamps": stamps, f"{kind}_paths": paths})
 
+    def scaled(self, factor: float) -> "Frames":
+        """The same with stamps times ``factor``, such as those of a file in ms."""
+        color, disparity = self.color_stamps * factor, self.disparity_stamps * factor
+        return replace(self, color_stamps=color, disparity_stamps=disparity)
+
 
 @dataclass(frozen=True, slots=True)
 class Stream:
@@ -122,6 +127,10 @@ class Stream:
 
     name: str
     stamps: Array
+
+    def scaled(self, factor: float) -> "Stream":
+        """The same with stamps times ``factor``."""
+        return Stream(self.name, self.stamps * factor)
 
 
 @dataclass(frozen=True, slots=True)

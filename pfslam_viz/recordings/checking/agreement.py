@@ -12,6 +12,7 @@ Array = NDArray[np.float64]
 
 PAIRS = 60  # pairs of scans that are compared
 BEAMS = 120  # beams of each that are
+CLIP = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,8 +48,9 @@ def disagreement(
 ) -> Array:
     """How far (p,) the second scan of each pair lies off the first one, carried over by the ``odometry`` (n, 3).
 
-    The median over the beams of |range predicted - range measured|, relative to the median range, so that the unit of
-    ranges does not matter; NaN where fewer than a tenth of the compared beams can be compared. ``poses`` (n, 3) may be
+    The mean over the beams of |range predicted - range measured|, relative to the range, so that the unit of ranges
+    does not matter, and at most :data:`CLIP` each, so that no beam weighs much; NaN where fewer than a tenth of the
+    beams can be compared. Along a corridor only the few beams that look ahead tell, so that it is no median. ``poses`` (n, 3) may be
     given instead of summing the odometry up.
     """
     if len(pairs) == 0:
@@ -72,12 +74,10 @@ def disagreement(
     measured = np.take_along_axis(near, hit, axis=1)
     width = float(np.median(np.diff(angles))) if len(angles) > 1 else 0.0
     seen = (np.abs(direction - angles[hit]) <= width) & _returned(measured, lidar) & _returned(far, lidar)
-    off = np.where(seen, np.abs(np.hypot(x, y) - measured), np.nan)
-    few = seen.sum(axis=1) < max(3, 0.1 * len(beams))
-    seen[few] = True  # so that no median is of nothing
-    off[few] = 0.0
-    result: Array = np.nanmedian(off, axis=1) / np.nanmedian(np.where(seen, measured, np.nan), axis=1).clip(1e-9)
-    result[few] = np.nan
+    off = np.abs(np.hypot(x, y) - measured) / np.where(seen, measured, 1.0)
+    count = seen.sum(axis=1)
+    result: Array = np.where(seen, np.minimum(off, CLIP), 0.0).sum(axis=1) / np.maximum(count, 1)
+    result[count < max(3, 0.1 * len(beams))] = np.nan
     return result
 
 
@@ -91,14 +91,6 @@ def explains_better(other: Array, given: Array) -> bool:
         return False
     better = (other[both] < given[both]).mean()
     return bool(better > 0.75 and np.median(other[both]) < 0.5 * np.median(given[both]))
-
-
-def share_changed(lidar: Lidar, one: NDArray[np.float32], other: NDArray[np.float32]) -> Array:
-    """Which share (p,) of the beams of scans (p, B) reads another range, by more than 0.2 m and 10 %."""
-    both = _returned(one, lidar) & _returned(other, lidar)
-    changed = both & (np.abs(one - other) > np.maximum(0.2, 0.1 * np.minimum(one, other)))
-    share: Array = changed.sum(axis=1) / np.maximum(both.sum(axis=1), 1)
-    return share
 
 
 def _returned(ranges: NDArray[np.floating], lidar: Lidar) -> NDArray[np.bool_]:

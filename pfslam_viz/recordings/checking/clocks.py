@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz.recordings.checking.draft import Draft
-from pfslam_viz.recordings.recording import Frames, Recording, Relations, Stream, Trajectory
+from pfslam_viz.recordings.recording import Recording, Relations, Trajectory
 
 Array = NDArray[np.float64]
 
@@ -59,17 +59,10 @@ def in_seconds(recording: Recording, factor: float) -> dict[str, object]:
     frames, truth, relations = recording.frames, recording.truth, recording.relations
     return {
         "stamps": recording.stamps * factor,
-        "streams": tuple(Stream(s.name, s.stamps * factor) for s in recording.streams),
+        "streams": tuple(stream.scaled(factor) for stream in recording.streams),
         "truth": truth and Trajectory(truth.stamps * factor, truth.poses),
         "relations": relations and Relations(relations.start * factor, relations.end * factor, relations.poses),
-        "frames": frames
-        and Frames(
-            frames.color_stamps * factor,
-            frames.color_paths,
-            frames.disparity_stamps * factor,
-            frames.disparity_paths,
-            frames.camera,
-        ),
+        "frames": frames and frames.scaled(factor),
     }
 
 

@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 FASTEST, FASTEST_TURN = 10.0, 20.0
 _LENGTHS = {1e-3: "millimetres", 1e-2: "centimetres"}
 _NOTHING = 1e-9  # m and rad
+_MOVED = 0.1  # disagreement of scans, relative to their ranges, that noise and people do not make
 
 
 def check_odometry(draft: Draft) -> None:
@@ -141,11 +142,11 @@ def _check_absent(draft: Draft) -> None:
 
 
 def _moved(recording: Recording, scans: NDArray[np.intp]) -> bool:
-    """Whether most beams read other ranges at most of the ``scans``, compared with the one before them there."""
+    """Whether most of the ``scans`` are unlike the one before them here."""
     scans = np.unique(scans)
     pairs = Pairs(scans[:-1], scans[1:])
     off = _fits(recording, np.zeros_like(recording.odometry), pairs)
-    return bool(np.nanmedian(np.where(np.isfinite(off), off, 1.0)) > 0.08) if len(off) else False
+    return bool(np.median(np.where(np.isfinite(off), off, 1.0)) > _MOVED) if len(off) else False
 
 
 def _check_stuck(draft: Draft) -> None:
@@ -161,13 +162,14 @@ def _check_stuck(draft: Draft) -> None:
     if len(long) == 0:
         return
     starts, ends, lasted = starts[long], ends[long], lasted[long]
-    middle = (starts + ends) // 2
-    poses = recording.dead_reckoning()
+    believed, resting = recording.dead_reckoning(), np.zeros_like(recording.odometry)
     off = [
-        disagreement(recording.lidar, recording.ranges, recording.odometry, Pairs(a, b), poses)
-        for a, b in ((starts, middle), (middle, ends), (starts, ends))
+        np.fmin(  # a gyro that creeps while the robot rests is no harm
+            *(disagreement(recording.lidar, recording.ranges, resting, pairs, poses) for poses in (believed, resting))
+        )
+        for pairs in (Pairs(*(starts + (ends - starts) * q // 4 for q in (k, k + 1))) for k in range(4))
     ]
-    stuck = (np.nan_to_num(np.stack(off)) > 0.15).sum(axis=0) >= 2
+    stuck = (np.nan_to_num(np.stack(off)) > _MOVED).sum(axis=0) >= 2
     if stuck.any():
         k = int(np.argmax(np.where(stuck, lasted, 0.0)))
         stretches = "1 stretch" if stuck.sum() == 1 else f"{int(stuck.sum())} stretches"

@@ -1,5 +1,7 @@
 """The unit of a sensor's stamps, before anything is integrated over them."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,6 +35,10 @@ def unit_like(stamps: Array, start: float, end: float) -> float:
     return best if shares[best] >= 0.5 > shares[1.0] else 1.0
 
 
-def converted(what: str, factor: float) -> Finding:
-    """The finding that ``what`` has stamps of another unit."""
-    return Finding("note", f"stamps_in_{UNITS[factor]}", f"{what}: stamps in {UNITS[factor]}; converted to seconds")
+def converted(units: Mapping[str, float]) -> tuple[Finding, ...]:
+    """A finding for every unit that some sensors' stamps had been written in; ``units`` in s, by sensor."""
+    return tuple(
+        Finding("note", f"stamps_in_{name}", f"{', '.join(named)}: stamps in {name}; converted to seconds")
+        for factor, name in UNITS.items()
+        if (named := [sensor for sensor, unit in units.items() if unit == factor])
+    )
