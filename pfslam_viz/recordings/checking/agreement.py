@@ -43,15 +43,25 @@ def pairs_apart(odometry: Array, distance: float = 0.4, turn: float = 0.3) -> Pa
     return Pairs(first[kept], second[kept])
 
 
+def turned_apart(odometry: Array, turn: float = 0.3) -> Pairs:
+    """The same between which the odometry turns by ``turn`` rad."""
+    return pairs_apart(odometry * (0.0, 0.0, 1.0), turn=turn)
+
+
 def disagreement(
-    lidar: Lidar, ranges: NDArray[np.float32], odometry: Array, pairs: Pairs, poses: Array | None = None
+    lidar: Lidar,
+    ranges: NDArray[np.float32],
+    odometry: Array,
+    pairs: Pairs,
+    poses: Array | None = None,
+    scale: float = 1.0,
 ) -> Array:
     """How far (p,) the second scan of each pair lies off the first one, carried over by the ``odometry`` (n, 3).
 
     The mean over the beams of |range predicted - range measured|, relative to the range, so that the unit of ranges
     does not matter, and at most :data:`CLIP` each, so that no beam weighs much; NaN where fewer than a tenth of the
     beams can be compared. Along a corridor only the few beams that look ahead tell, so that it is no median. ``poses`` (n, 3) may be
-    given instead of summing the odometry up.
+    given instead of summing the odometry up; ``scale`` is the unit of the ranges in m.
     """
     if len(pairs) == 0:
         return np.zeros(0)
@@ -62,8 +72,8 @@ def disagreement(
     order = np.argsort(lidar.angles)
     angles = lidar.angles[order]
     beams = np.unique(np.linspace(0, len(angles) - 1, BEAMS).astype(int))
-    far = ranges[pairs.second][:, order[beams]].astype(np.float64)
-    near = ranges[pairs.first][:, order].astype(np.float64)
+    far = ranges[pairs.second][:, order[beams]] * scale
+    near = ranges[pairs.first][:, order] * scale
     facing = in_lidar[:, 2:] + angles[beams]
     x = in_lidar[:, :1] + far * np.cos(facing)
     y = in_lidar[:, 1:2] + far * np.sin(facing)

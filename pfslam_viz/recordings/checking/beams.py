@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from pfslam_viz.recordings.checking.agreement import disagreement, explains_better, pairs_apart
 from pfslam_viz.recordings.checking.draft import Draft
+from pfslam_viz.recordings.checking.odometry import LENGTHS
 from pfslam_viz.recordings.recording import Lidar, Recording
 
 Array = NDArray[np.float64]
@@ -17,7 +18,6 @@ _TYPICAL, _UNUSUAL = 200.0, 50.0
 # A return is strange if it is this many times as far as nearly all others, and farther than so many m.
 _BEYOND, _FAR = 10.0, 200.0
 _SAMPLE = 60_000  # ranges that are looked at to know what is usual
-_LENGTHS = {1e-3: "millimetres", 1e-2: "centimetres"}
 
 
 def check_angles(draft: Draft) -> None:
@@ -52,15 +52,15 @@ def check_unit(draft: Draft) -> None:
         return
     above = float((read > lidar.range_max).mean())
     if above > 0.9:
-        fits = [f for f in _LENGTHS if (read * f <= 1.05 * lidar.range_max).mean() > 0.95 and usual * f > 0.2]
+        fits = [f for f in LENGTHS if (read * f <= 1.05 * lidar.range_max).mean() > 0.95 and usual * f > 0.2]
     elif usual > _UNUSUAL:
-        fits = [f for f in _LENGTHS if 0.2 < usual * f < _UNUSUAL]
+        fits = [f for f in LENGTHS if 0.2 < usual * f < _UNUSUAL]
     else:
         return
     if len(fits) != 1 or above <= 0.9:
         fits = [f for f in fits if _moves_as(recording, f, above > 0.9)]
     if len(fits) == 1:
-        factor, unit = fits[0], _LENGTHS[fits[0]]
+        factor, unit = fits[0], LENGTHS[fits[0]]
         farthest = lidar.range_max if above > 0.9 else lidar.range_max * factor
         nearest = lidar.range_min if above > 0.9 else lidar.range_min * factor
         draft.mend(ranges=ranges * np.float32(factor), lidar=replace(lidar, range_min=nearest, range_max=farthest))
@@ -92,20 +92,14 @@ def _moves_as(recording: Recording, factor: float, limits_hold: bool) -> bool:
     pairs = pairs_apart(recording.odometry)
     lidar = recording.lidar
     farthest = lidar.range_max if limits_hold else max(lidar.range_max, 1.0) * factor
-    wide = Lidar(lidar.angles, 1e-3, max(float(recording.ranges.max()), 1.0), lidar.pose)
-    scaled = Lidar(lidar.angles, 1e-3, farthest, lidar.pose)
-    given = disagreement(wide, recording.ranges, recording.odometry, pairs)
-    return all(
-        explains_better(disagreement(scaled, recording.ranges * np.float32(factor), recording.odometry, pairs), other)
-        for other in (
-            given,
-            *(
-                disagreement(wide, recording.ranges * np.float32(f), recording.odometry, pairs)
-                for f in _LENGTHS
-                if f != factor
-            ),
-        )
-    )
+
+    def fit(f: float, limit: float) -> Array:
+        limits = Lidar(lidar.angles, 1e-3, limit, lidar.pose)
+        return disagreement(limits, recording.ranges, recording.odometry, pairs, scale=f)
+
+    given = fit(factor, farthest)
+    others = [f for f in (1.0, *LENGTHS) if f != factor]
+    return all(explains_better(given, fit(f, max(float(recording.ranges.max()), 1.0))) for f in others)
 
 
 def check_far(draft: Draft) -> None:

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from pfslam_viz.errors import InputError
-from pfslam_viz.recordings.checking import beams, clocks, jumps, odometry
+from pfslam_viz.recordings.checking import beams, clocks, jumps, mounting, odometry
 from pfslam_viz.recordings.checking.draft import Draft
 from pfslam_viz.recordings.findings import Finding, of
 from pfslam_viz.recordings.recording import Recording
@@ -17,6 +17,7 @@ STAGES = (
     beams.check_returns,
     odometry.check_odometry,
     jumps.check_jumps,
+    mounting.check_mounting,
     clocks.check_streams,
 )
 """In this order: what one of them has mended, those after it can rely on."""

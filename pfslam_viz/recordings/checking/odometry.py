@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
-from pfslam_viz.recordings.checking.agreement import Pairs, disagreement, explains_better, pairs_apart
+from pfslam_viz.recordings.checking.agreement import Pairs, disagreement, explains_better, pairs_apart, turned_apart
 from pfslam_viz.recordings.checking.draft import Draft
 from pfslam_viz.recordings.recording import Recording
 
@@ -12,7 +12,13 @@ Array = NDArray[np.float64]
 
 # What no robot with a scanner reaches, over a scan: m/s and rad/s.
 FASTEST, FASTEST_TURN = 10.0, 20.0
-_LENGTHS = {1e-3: "millimetres", 1e-2: "centimetres"}
+LENGTHS = {1e-3: "millimetres", 1e-2: "centimetres"}
+_KINDS = {
+    "odometry_cumulative": "odometry: holds poses where motions from scan to scan are due ({speed:.3g} m/s, if they were"
+    " motions); taken as poses (odometry_poses)",
+    "odometry_in_millimetres": "odometry: in millimetres ({speed:.4g} m/s, if it were metres); converted to metres",
+    "odometry_in_centimetres": "odometry: in centimetres ({speed:.4g} m/s, if it were metres); converted to metres",
+}
 _NOTHING = 1e-9  # m and rad
 _MOVED = 0.1  # disagreement of scans, relative to their ranges, that noise and people do not make
 
@@ -24,9 +30,8 @@ def check_odometry(draft: Draft) -> None:
     if np.abs(draft.recording.odometry).max() < _NOTHING:
         _check_absent(draft)
         return
-    _check_cumulative(draft)
+    _check_kind(draft)
     _check_degrees(draft)
-    _check_lengths(draft)
     _check_stuck(draft)
 
 
@@ -41,38 +46,43 @@ def _fits(recording: Recording, odometry: Array, pairs: Pairs) -> Array:
     return disagreement(recording.lidar, recording.ranges, odometry, pairs)
 
 
-def _check_cumulative(draft: Draft) -> None:
-    """Poses that were given as if they were motions: far too fast, unless they are taken as poses."""
+def _check_kind(draft: Draft) -> None:
+    """Poses that were given as if they were motions, and motions in mm or cm: by their speed and by the scans."""
     recording = draft.recording
     speed, turning = speeds(draft)
     if np.percentile(speed, 90) < 2.5 and np.percentile(turning, 90) < 2.0:
         return
-    steps = geometry.increments(recording.odometry)
+    readings = {"odometry_as_given": recording.odometry, "odometry_cumulative": _as_poses(recording.odometry)}
+    readings |= {f"odometry_in_{unit}": recording.odometry * (f, f, 1.0) for f, unit in LENGTHS.items()}
+    for what, steps in list(readings.items())[1:]:
+        fast, spins = speeds(draft, steps)
+        if np.percentile(fast, 98) > FASTEST or np.percentile(spins, 98) > FASTEST_TURN:
+            continue
+        pairs = pairs_apart(steps)
+        fit = _fits(recording, steps, pairs)
+        others = [other for name, other in readings.items() if name != what]
+        if all(explains_better(fit, _fits(recording, other, pairs)) for other in others):
+            draft.mend(odometry=steps)
+            draft.add("note", what, _KINDS[what].format(speed=float(np.percentile(speed, 90))))
+            return
+
+
+def _as_poses(odometry: Array) -> Array:
+    """Motions between poses (n, 3), the first of which is lost."""
+    steps = geometry.increments(odometry)
     if np.abs(steps[1]).max() > 3 * np.abs(steps[2:12]).max():
-        steps[1] = steps[2]  # the first pose was no increment, and is lost
-    as_poses = speeds(draft, steps)
-    if np.percentile(as_poses[0], 98) > FASTEST or np.percentile(as_poses[1], 98) > FASTEST_TURN:
-        return
-    pairs = pairs_apart(steps)
-    if explains_better(_fits(recording, steps, pairs), _fits(recording, recording.odometry, pairs)):
-        draft.mend(odometry=steps)
-        draft.add(
-            "note",
-            "odometry_cumulative",
-            f"odometry: poses where motions from scan to scan are due ({np.percentile(speed, 90):.3g} m/s, if they were"
-            " motions); taken as poses",
-            "give them as odometry_poses",
-        )
+        steps[1] = steps[2]
+    return steps
 
 
 def _check_degrees(draft: Draft) -> None:
     """Turns in degrees, or a yaw rate in degrees a second."""
     recording = draft.recording
     _, turning = speeds(draft)
-    if np.percentile(turning, 98) < 2.0:
+    if np.sort(turning)[-5:][0] < 2.0:
         return
     steps = _turned_less(recording.odometry)
-    pairs = pairs_apart(steps, distance=1.0)
+    pairs = turned_apart(steps)
     if not explains_better(_fits(recording, steps, pairs), _fits(recording, recording.odometry, pairs)):
         return
     said = f"odometry: turns of up to {turning.max():.3g} rad/s are degrees by what the scans show"
@@ -105,27 +115,6 @@ def _turned_less(odometry: Array) -> Array:
         straight = rolled * np.sinc(0.5 * out[:, 2] / np.pi)
         out[:, 0], out[:, 1] = straight * np.cos(0.5 * out[:, 2]), straight * np.sin(0.5 * out[:, 2])
     return out
-
-
-def _check_lengths(draft: Draft) -> None:
-    """Motions in mm or cm, by their speed and by what the scans show."""
-    recording = draft.recording
-    speed, _ = speeds(draft)
-    if np.percentile(speed, 75) < FASTEST:
-        return
-    for factor, unit in _LENGTHS.items():
-        steps = recording.odometry * (factor, factor, 1.0)
-        pairs = pairs_apart(steps)
-        others = [recording.odometry * (f, f, 1.0) for f in (1.0, *_LENGTHS) if f != factor]
-        fit = _fits(recording, steps, pairs)
-        if all(explains_better(fit, _fits(recording, other, pairs)) for other in others):
-            draft.mend(odometry=steps)
-            draft.add(
-                "note",
-                f"odometry_in_{unit}",
-                f"odometry: in {unit} ({np.percentile(speed, 75):.4g} m/s, if it were metres); converted to metres",
-            )
-            return
 
 
 def _check_absent(draft: Draft) -> None:
