@@ -57,6 +57,9 @@ RobotOpt = Annotated[
 StartOpt = Annotated[int, typer.Option("--start", min=0, help="First scan.", rich_help_panel=SCANS)]
 StopOpt = Annotated[int | None, typer.Option("--stop", min=1, help="Scan to stop before.", rich_help_panel=SCANS)]
 StrideOpt = Annotated[int, typer.Option("--stride", min=1, help="Use every K-th scan.", rich_help_panel=SCANS)]
+ForceOpt = Annotated[
+    bool, typer.Option("--force", help="Replay it even if it was found to be wrong.", rich_help_panel=SCANS)
+]
 ConfigOpt = Annotated[
     str | None,
     typer.Option(
@@ -173,6 +176,7 @@ def replay(
     start: StartOpt = 0,
     stop: StopOpt = None,
     stride: StrideOpt = 1,
+    force: ForceOpt = False,
     map_every: MapEveryOpt = None,
     max_particles: MaxParticlesOpt = None,
     max_beams: MaxBeamsOpt = None,
@@ -186,7 +190,7 @@ def replay(
     from pfslam_viz.commands.choices import ConfigChoice, DetailChoice, RecordingChoice, SinkChoice
 
     command.run(
-        RecordingChoice(recording, data, robot, start, stop, stride),
+        RecordingChoice(recording, data, robot, start, stop, stride, force),
         ConfigChoice(config, tuple(settings or ()), particles, seed),
         SinkChoice(save, spawn, serve, bind, connect, stdout),
         DetailChoice(map_every, max_particles, max_beams),
@@ -204,11 +208,17 @@ def recordings(data: DataOpt = None, json: JsonOpt = False) -> None:
 
 
 @app.command(rich_help_panel=RECORDINGS, epilog=examples("info 21", "info log.clf --json"))
-def info(recording: RecordingArg, data: DataOpt = None, robot: RobotOpt = "ece276a", json: JsonOpt = False) -> None:
-    """Say what is inside a recording: sensors, rates, spans, gaps, and what is wrong with it."""
+def info(
+    recording: RecordingArg,
+    data: DataOpt = None,
+    robot: RobotOpt = "ece276a",
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Everything: rates, spans, gaps, paths.")] = False,
+    json: JsonOpt = False,
+) -> None:
+    """Say whether a recording is good, what is inside it, and what is wrong with it."""
     from pfslam_viz.commands import recordings as command
 
-    command.run_info(recording, data, robot, json)
+    command.run_info(recording, data, robot, json, verbose)
 
 
 @app.command(
@@ -281,6 +291,7 @@ def evaluate(
     start: StartOpt = 0,
     stop: StopOpt = None,
     stride: StrideOpt = 1,
+    force: ForceOpt = False,
     json: JsonOpt = False,
     quiet: QuietOpt = False,
 ) -> None:
@@ -289,7 +300,7 @@ def evaluate(
     from pfslam_viz.commands.choices import ConfigChoice, RecordingChoice
 
     command.run(
-        RecordingChoice(recording, data, robot, start, stop, stride),
+        RecordingChoice(recording, data, robot, start, stop, stride, force),
         [ConfigChoice.parse(text, tuple(settings or ()), particles) for text in config or (None,)],
         seeds,
         paper,
@@ -322,6 +333,7 @@ def compare(
     start: StartOpt = 0,
     stop: StopOpt = None,
     stride: StrideOpt = 1,
+    force: ForceOpt = False,
     map_every: MapEveryOpt = None,
     max_particles: MaxParticlesOpt = None,
     max_beams: MaxBeamsOpt = None,
@@ -332,7 +344,7 @@ def compare(
     from pfslam_viz.commands.choices import ConfigChoice, DetailChoice, RecordingChoice, SinkChoice
 
     command.run(
-        RecordingChoice(recording, data, robot, start, stop, stride),
+        RecordingChoice(recording, data, robot, start, stop, stride, force),
         [ConfigChoice.parse(text, tuple(settings or ()), particles, seed) for text in config or ()],
         SinkChoice(save, spawn, serve, bind, connect, stdout),
         DetailChoice(map_every, max_particles, max_beams),
@@ -356,6 +368,7 @@ def figures(
     start: StartOpt = 0,
     stop: StopOpt = None,
     stride: StrideOpt = 1,
+    force: ForceOpt = False,
     quiet: QuietOpt = False,
 ) -> None:
     """Write the paper's figures as PNG, with an index.html that shows them in its order."""
@@ -363,7 +376,7 @@ def figures(
     from pfslam_viz.commands.choices import ConfigChoice, RecordingChoice
 
     command.run(
-        RecordingChoice(recording, data, robot, start, stop, stride),
+        RecordingChoice(recording, data, robot, start, stop, stride, force),
         ConfigChoice(config, tuple(settings or ()), particles, seed),
         out,
         every,

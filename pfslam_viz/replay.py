@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.config import Config
+from pfslam_viz.recordings.checking.check import check, refuse_wrong
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.slam.backends import make_slam
 from pfslam_viz.slam.background_grid import BackgroundGrid
@@ -69,6 +70,15 @@ class Result:
     texture: "FloorTexture | None" = None
     skipped_frames: "SkippedFrames | None" = None
 
+    @property
+    def hollow(self) -> str | None:
+        """Why there is nothing to look at in the result of a whole run: no pose, or no map; None where there is."""
+        if len(self.stamps) == 0:
+            return "no scan was replayed"
+        if not np.isfinite(self.estimate).all():
+            return "the trajectory has poses that are no numbers"
+        return None if self.grid.occupied.any() else "no cell of the map is occupied"
+
 
 class Replay:
     """Runs the filter over a recording: iterate over it for the Steps, then ask for the :meth:`result`.
@@ -84,7 +94,13 @@ class Replay:
         Without ``texture``, the floor is not painted, whatever the configuration and the recording hold. With 2
         ``threads``, a second one writes dead reckoning's map and helps to weigh the particles; None takes 2 if there
         are as many cores. The results do not depend on it.
+
+        A recording that was not checked is checked now: ``self.recording`` is what was made of it. Raises InputError
+        if it is found to be wrong.
         """
+        if not recording.checked:
+            recording = check(recording)
+            refuse_wrong(recording, "checking.check.check(recording) beforehand")
         self.recording = recording
         self.config = config
         self._worker = Worker(cores() if threads is None else threads)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class RecordingChoice:
-    """RECORDING, ``--data``, ``--robot`` and the scans ``start:stop:stride``."""
+    """RECORDING, ``--data``, ``--robot``, the scans ``start:stop:stride``, and ``--force``."""
 
     name: str
     data: Path | None = None
@@ -26,12 +26,23 @@ class RecordingChoice:
     start: int = 0
     stop: int | None = None
     stride: int = 1
+    force: bool = False
+
+    def require(self) -> None:
+        """Raise InputError where there is no such recording. Reads nothing, and leaves the demo to be made later."""
+        from pfslam_viz.recordings.catalog import DEMO, find
+
+        if self.name != DEMO:
+            find(self.name, self.data)
 
     def load(self) -> "Recording":
-        """The recording, cut to the chosen scans. Raises InputError when there is none, or no scan is left."""
+        """The recording, cut to the chosen scans.
+
+        Raises InputError when there is none, when it is wrong (unless forced), or no scan is left.
+        """
         from pfslam_viz.recordings.catalog import load_recording
 
-        recording = load_recording(self.name, self.data, self.robot)
+        recording = load_recording(self.name, self.data, self.robot, force=self.force)
         if (self.start, self.stop, self.stride) == (0, None, 1):
             return recording
         selected = recording.select(self.start, self.stop, self.stride) if self.start < len(recording) else None

@@ -4,6 +4,7 @@ from pfslam_viz import console
 from pfslam_viz.commands.choices import ConfigChoice, RecordingChoice
 from pfslam_viz.commands.progress import load_kernels, replay_progress
 from pfslam_viz.commands.recordings import print_json
+from pfslam_viz.commands.replay import read, tell_doubts
 from pfslam_viz.evaluation.evaluate import evaluate
 
 
@@ -12,8 +13,7 @@ def run(
 ) -> None:
     """Score every configuration over ``seeds`` seeds, with the paper's filter beside them unless it is unwanted."""
     configs = [choice.load() for choice in config_choices]
-    with console.status(f"reading {chosen.name}", quiet):
-        recording = chosen.load()
+    recording = read(chosen, quiet)
     load_kernels(quiet)
     with replay_progress(recording, quiet, "evaluate") as bar:
         report = evaluate(recording, configs, range(seeds), on_progress=bar.show, paper=paper)
@@ -21,3 +21,4 @@ def run(
         print_json(report.as_dict())
     else:
         console.results().print(report.table())
+    tell_doubts(recording)

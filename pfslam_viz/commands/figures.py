@@ -5,7 +5,7 @@ from pathlib import Path
 from pfslam_viz import console
 from pfslam_viz.commands.choices import ConfigChoice, RecordingChoice
 from pfslam_viz.commands.progress import load_kernels, replay_progress
-from pfslam_viz.commands.replay import load
+from pfslam_viz.commands.replay import load, tell_doubts
 from pfslam_viz.figures import require_matplotlib, write_figures
 from pfslam_viz.files import check_writable
 
@@ -13,6 +13,7 @@ from pfslam_viz.files import check_writable
 def run(chosen: RecordingChoice, config_choice: ConfigChoice, out: Path, every: int, quiet: bool) -> None:
     """Run the filter once and write the pictures into the folder ``out``."""
     require_matplotlib()
+    chosen.require()
     check_writable(out, folder=True)
     recording, config = load(chosen, config_choice, quiet)
     load_kernels(quiet)
@@ -20,3 +21,4 @@ def run(chosen: RecordingChoice, config_choice: ConfigChoice, out: Path, every: 
         write_figures(recording, config, out, every, on_step=lambda *_: progress.advance())
     if not quiet:
         console.results().print(f"{out / 'index.html'} shows them all", markup=False, soft_wrap=True)
+    tell_doubts(recording)

@@ -29,8 +29,9 @@ def run_list(data: Path | None, as_json: bool) -> None:
     console.results().print(table)
 
 
-def run_info(name: str, data: Path | None, robot: str, as_json: bool) -> None:
-    """Print what is inside one recording."""
+def run_info(name: str, data: Path | None, robot: str, as_json: bool, verbose: bool = False) -> None:
+    """Print what is inside one recording: a page, everything if ``verbose``, or everything as JSON."""
+    from pfslam_viz.commands.info_page import info_page
     from pfslam_viz.recordings.info import describe_path
 
     with console.status(f"reading {name}", quiet=as_json):
@@ -38,10 +39,15 @@ def run_info(name: str, data: Path | None, robot: str, as_json: bool) -> None:
     if as_json:
         print_json(description)
         return
+    if not verbose:
+        console.results().print(info_page(description))
+        return
     table = Table(box=None, pad_edge=False, show_header=False)
     table.add_column(style="bold")
     table.add_column()
-    for key, value in flatten(description):
+    shown = {key: value for key, value in description.items() if key != "notes"}
+    shown["findings"] = [f"{f['severity']}: {f['message']}" for f in description["findings"]]  # type: ignore[attr-defined]
+    for key, value in flatten(shown):
         table.add_row(key.replace("_", " "), show(value))
     console.results().print(table)
 

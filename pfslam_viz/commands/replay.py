@@ -12,7 +12,9 @@ from pfslam_viz.commands.interrupt import Interrupted, stop_on_interrupt, wait_f
 from pfslam_viz.commands.progress import load_kernels, replay_progress
 from pfslam_viz.commands.summary import summary
 from pfslam_viz.config import Config
+from pfslam_viz.errors import PfslamError
 from pfslam_viz.files import check_writable
+from pfslam_viz.recordings.findings import SEVERITIES, of
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.replay import Replay, Result
 
@@ -30,6 +32,7 @@ def run(
 ) -> None:
     """Everything that can be wrong is checked before the first scan; an interrupted run keeps what it has."""
     started = perf_counter()
+    chosen.require()
     if export is not None:
         check_writable(export, folder=True)
     else:
@@ -42,6 +45,7 @@ def run(
         result, log_seconds = _replay(recording, config, stream, quiet)
         if stream is not None:
             stream.finish(result)
+        require_map([result])
         seconds = perf_counter() - started
         keep_serving(sinks, result)
     if export is not None and len(result.stamps):
@@ -51,17 +55,37 @@ def run(
         left_out = stream.left_out if stream is not None else ()
         shown = summary(result, seconds, log_seconds, sinks.save, left_out)
         console.results(to_stderr=sinks.stdout).print(shown)
+    tell_doubts(recording)
     kept_or_raise(result, [sinks.save, export])
 
 
 def read(chosen: RecordingChoice, quiet: bool) -> Recording:
-    """The recording; what was wrong with its files is told."""
+    """The recording; what was wrong with its files is told, and what is doubtful also to those who want quiet."""
     with console.status(f"reading {chosen.name}", quiet):
         recording = chosen.load()
     if not quiet:
         for note in recording.notes:
             console.tell(f"note: {note}")
+    tell_doubts(recording)
     return recording
+
+
+def tell_doubts(recording: Recording) -> None:
+    """What makes the recording doubtful, or wrong where it was forced: a line each on stderr, before and after a run."""
+    for severity in SEVERITIES[:2]:
+        for finding in of(recording.findings, severity):
+            console.tell(f"{severity}: {finding.line}")
+
+
+def require_map(results: Sequence[Result]) -> None:
+    """Raise PfslamError where a whole run came out empty: a recording that nothing could be made of."""
+    for result in results:
+        if not result.interrupted and (why := result.hollow):
+            recording = result.recording
+            raise PfslamError(
+                f"{recording.path or recording.name}: the run came out empty: {why};"
+                f" 'pfslam-viz info {recording.name}' says what is in the recording"
+            )
 
 
 def load(chosen: RecordingChoice, config_choice: ConfigChoice, quiet: bool) -> tuple[Recording, Config]:

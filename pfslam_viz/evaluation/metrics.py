@@ -46,6 +46,7 @@ def metrics(result: Result) -> dict[str, Any]:
             "duration_s": recording.duration if len(recording) else 0.0,
             "notes": list(recording.notes),
         },
+        "findings": [finding.as_dict() for finding in recording.findings],
         "scans": len(result.stamps),
         "interrupted": result.interrupted,
         "seed": result.config.seed,

@@ -42,6 +42,11 @@ def of(findings: Iterable[Finding], severity: Severity) -> list[Finding]:
     return [finding for finding in findings if finding.severity == severity]
 
 
+def in_order(findings: Iterable[Finding]) -> list[Finding]:
+    """The worst first."""
+    return sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity))
+
+
 def verdict(findings: Iterable[Finding]) -> str:
     """All of it in one line: "good", "2 doubts", or "cannot be replayed: ..."."""
     found = tuple(findings)

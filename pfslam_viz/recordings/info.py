@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.recordings.catalog import find, load_place
+from pfslam_viz.recordings.checking.check import READER_NOTE, check
+from pfslam_viz.recordings.findings import Finding, in_order, verdict
 from pfslam_viz.recordings.formats import LoadOptions, Place, WithoutScans, format_named
 from pfslam_viz.recordings.recording import Frames, Recording, Relations, Stream
 
@@ -29,7 +31,11 @@ def describe_path(
 
 
 def describe(recording: Recording) -> Description:
-    """Sensors, rates, spans, gaps and paths of a recording. Values are what JSON can hold; units are in the keys."""
+    """Verdict, sensors, rates, spans, gaps, paths and findings of a recording, which is checked if it was not before.
+
+    Values are what JSON can hold; units are in the keys.
+    """
+    recording = check(recording)
     lidar, first = recording.lidar, float(recording.stamps[0])
     none = (recording.ranges < lidar.range_min) | (recording.ranges > lidar.range_max)
     returns = recording.ranges[~none]
@@ -38,6 +44,7 @@ def describe(recording: Recording) -> Description:
         "name": recording.name,
         "format": recording.format,
         "path": None if recording.path is None else str(recording.path),
+        "verdict": verdict(recording.findings),
         "duration_s": round(recording.duration, 3),
         "first_stamp_s": first,
         "lidar": {
@@ -60,6 +67,7 @@ def describe(recording: Recording) -> Description:
         out["truth"] = {"poses": len(recording.truth.stamps), **_path(recording.truth.poses)}
     if recording.relations is not None:
         out["relations"] = _relations(recording.relations, recording)
+    out["findings"] = [finding.as_dict() for finding in in_order(recording.findings)]
     out["notes"] = list(recording.notes)
     return out
 
@@ -71,10 +79,12 @@ def describe_sensors(place: Place, sensors: WithoutScans) -> Description:
         "name": place.number or place.name,
         "format": place.format,
         "path": str(place.path),
+        "verdict": "cannot be replayed: its scans are missing",
         "duration_s": round(float(stamps[-1] - stamps[0]), 3),
         "first_stamp_s": float(stamps[0]),
         "streams": _streams(sensors.streams, float(stamps[0])),
         "odometry": {"wheel_path_m": round(sensors.wheel_path, 3), **_path(sensors.trajectory.poses)},
+        "findings": [Finding("note", READER_NOTE, note).as_dict() for note in sensors.notes],
         "notes": list(sensors.notes),
     }
 

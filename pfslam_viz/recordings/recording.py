@@ -297,9 +297,7 @@ class Recording:
         if known is not None:  # a composed step is known if all of its parts are
             unknown = np.cumsum(~known)[kept]
             known = np.diff(unknown, prepend=unknown[:1]) == 0
-        return replace(
-            self, stamps=self.stamps[kept], ranges=self.ranges[kept], odometry=steps, odometry_known=known
-        )
+        return replace(self, stamps=self.stamps[kept], ranges=self.ranges[kept], odometry=steps, odometry_known=known)
 
 
 def _steps(

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 
 from pfslam_viz import __version__
 from pfslam_viz.config import Config
+from pfslam_viz.recordings.findings import Severity, of
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.viewer.entities import COLOR_NAMES, ENTITIES, FILTER, RUNS, Color, Entity, Kind
 
@@ -14,6 +15,8 @@ INTRODUCTION = (
     " the particle filter makes of it ({runs}), on the same piece of floor. The truth, where it is known, is green."
     " **Filter** follows the robot and its particles."
 )
+
+SHOWN: tuple[tuple[Severity, str], ...] = (("wrong", "Wrong"), ("doubtful", "Doubtful"))
 
 
 def help_page(runs: Sequence[str], logged: Iterable[str] | None) -> str:
@@ -72,6 +75,9 @@ def about_page(recording: Recording, configs: Sequence[Config], left_out: Sequen
         f"| truth | {'known' if recording.truth is not None else 'unknown'} |",
         "",
     ]
+    for severity, title in SHOWN:
+        if found := of(recording.findings, severity):
+            lines += [f"## {title}", "", *(f"- {finding.line}" for finding in found), ""]
     if recording.notes:
         lines += ["## Notes", "", *(f"- {note}" for note in recording.notes), ""]
     for config in configs:

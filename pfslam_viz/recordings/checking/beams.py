@@ -65,7 +65,9 @@ def check_unit(draft: Draft) -> None:
         nearest = lidar.range_min if above > 0.9 else lidar.range_min * factor
         draft.mend(ranges=ranges * np.float32(factor), lidar=replace(lidar, range_min=nearest, range_max=farthest))
         draft.add(
-            "note", f"ranges_in_{unit}", f"lidar: ranges in {unit} (half of them above {usual:.4g}); converted to metres"
+            "note",
+            f"ranges_in_{unit}",
+            f"lidar: ranges in {unit} (half of them above {usual:.4g}); converted to metres",
         )
     elif above > 0.9 or usual > _TYPICAL:
         limit = f", and range_max is {lidar.range_max:.6g} m" if above > 0.9 else ""

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from pfslam_viz.errors import InputError
-from pfslam_viz.recordings.checking import beams, clocks, jumps, mounting, odometry
+from pfslam_viz.recordings.checking import beams, clocks, contradiction, jumps, mounting, odometry
 from pfslam_viz.recordings.checking.draft import Draft
 from pfslam_viz.recordings.findings import Finding, of
 from pfslam_viz.recordings.recording import Recording
@@ -18,9 +18,13 @@ STAGES = (
     odometry.check_odometry,
     jumps.check_jumps,
     mounting.check_mounting,
+    contradiction.check_contradiction,
     clocks.check_streams,
 )
 """In this order: what one of them has mended, those after it can rely on."""
+
+READER_NOTE = "reader_note"
+"""What a finding is that was a note of the recording, made as it was read."""
 
 
 def check(recording: Recording) -> Recording:
@@ -37,7 +41,7 @@ def check(recording: Recording) -> Recording:
         if draft.hopeless:
             break  # the rest would only follow from it
     known = {finding.message for finding in draft.findings}
-    noted = [Finding("note", "reader_note", note) for note in recording.notes if note not in known]
+    noted = [Finding("note", READER_NOTE, note) for note in recording.notes if note not in known]
     notes = [finding.message for finding in of(draft.findings, "note") if finding.message not in recording.notes]
     return replace(
         draft.recording,
@@ -47,7 +51,10 @@ def check(recording: Recording) -> Recording:
     )
 
 
-def refuse_wrong(recording: Recording) -> None:
-    """Raise InputError for a checked recording that has a wrong finding: file, what, and what to do."""
+def refuse_wrong(recording: Recording, how: str = "--force") -> None:
+    """Raise InputError for a checked recording that has a wrong finding: file, what, and what to do.
+
+    ``how`` the user can have it replayed all the same.
+    """
     if wrong := of(recording.findings, "wrong"):
-        raise InputError(f"{recording.path or recording.name}: {wrong[0].line}; --force replays it anyway")
+        raise InputError(f"{recording.path or recording.name}: {wrong[0].line}; {how} replays it anyway")
