@@ -157,13 +157,16 @@ class SinkChoice:
             raise InputError(f"--stdout goes alone, without --{live[0] if live else 'save'}")
         if self.stdout and sys.stdout.isatty():
             raise InputError("--stdout writes binary data: redirect it to a file or a program")
+        if self.save is not None:
+            check_writable(self.save)
+
+    def check_screen(self) -> None:
+        """Raise InputError where only a window could show it and none can be opened."""
         if self.spawn and self.save is None and not has_screen():
             raise InputError(
                 "there is no screen to open the viewer on: pass --save out.rrd to write a recording, --serve or"
                 " --connect URL to watch it elsewhere"
             )
-        if self.save is not None:
-            check_writable(self.save)
 
 
 def has_screen() -> bool:

@@ -22,10 +22,11 @@ def run(
     """Run every configuration over the recording and log them together."""
     if len(config_choices) < 2:
         raise InputError("compare needs two configurations or more: --config paper --config default")
-    chosen.require()
     sinks = sinks.or_viewer()
     sinks.check()
     configs = [choice.load() for choice in config_choices]
+    chosen.require()
+    sinks.check_screen()
     started = perf_counter()
     recording = read(chosen, quiet)
     load_kernels(quiet)

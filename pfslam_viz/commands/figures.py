@@ -5,7 +5,7 @@ from pathlib import Path
 from pfslam_viz import console
 from pfslam_viz.commands.choices import ConfigChoice, RecordingChoice
 from pfslam_viz.commands.progress import load_kernels, replay_progress
-from pfslam_viz.commands.replay import load, tell_doubts
+from pfslam_viz.commands.replay import read, tell_doubts
 from pfslam_viz.figures import require_matplotlib, write_figures
 from pfslam_viz.files import check_writable
 
@@ -13,9 +13,9 @@ from pfslam_viz.files import check_writable
 def run(chosen: RecordingChoice, config_choice: ConfigChoice, out: Path, every: int, quiet: bool) -> None:
     """Run the filter once and write the pictures into the folder ``out``."""
     require_matplotlib()
-    chosen.require()
     check_writable(out, folder=True)
-    recording, config = load(chosen, config_choice, quiet)
+    config = config_choice.load()  # a mistake in it shows before a long load
+    recording = read(chosen, quiet)
     load_kernels(quiet)
     with replay_progress(recording, quiet, "figures") as progress:
         write_figures(recording, config, out, every, on_step=lambda *_: progress.advance())

@@ -32,13 +32,15 @@ def run(
 ) -> None:
     """Everything that can be wrong is checked before the first scan; an interrupted run keeps what it has."""
     started = perf_counter()
-    chosen.require()
     if export is not None:
         check_writable(export, folder=True)
     else:
         sinks = sinks.or_viewer()
     sinks.check()
-    recording, config = load(chosen, config_choice, quiet)
+    config = config_choice.load()
+    chosen.require()
+    sinks.check_screen()
+    recording = read(chosen, quiet)
     load_kernels(quiet)
     with ExitStack() as stack:
         stream = open_stream(stack, recording, config, sinks, detail)
@@ -71,7 +73,7 @@ def read(chosen: RecordingChoice, quiet: bool) -> Recording:
 
 
 def tell_doubts(recording: Recording) -> None:
-    """What makes the recording doubtful, or wrong where it was forced: a line each on stderr, before and after a run."""
+    """What makes the recording doubtful, or wrong where it was forced: a line each on stderr."""
     for severity in SEVERITIES[:2]:
         for finding in of(recording.findings, severity):
             console.tell(f"{severity}: {finding.line}")
@@ -81,18 +83,10 @@ def require_map(results: Sequence[Result]) -> None:
     """Raise PfslamError where a whole run came out empty: a recording that nothing could be made of."""
     for result in results:
         if not result.interrupted and (why := result.hollow):
-            recording = result.recording
+            whose = result.recording.path or result.recording.name
             raise PfslamError(
-                f"{recording.path or recording.name}: the run came out empty: {why};"
-                f" 'pfslam-viz info {recording.name}' says what is in the recording"
+                f"{whose}: the run came out empty: {why}; 'pfslam-viz info' says what is in the recording"
             )
-
-
-def load(chosen: RecordingChoice, config_choice: ConfigChoice, quiet: bool) -> tuple[Recording, Config]:
-    """The recording and the configuration; a mistake in the configuration shows before a long load."""
-    config = config_choice.load()
-    recording = read(chosen, quiet)
-    return recording, config
 
 
 def keep_serving(sinks: SinkChoice, result: Result) -> None:

@@ -60,8 +60,9 @@ def disagreement(
 
     The mean over the beams of |range predicted - range measured|, relative to the range, so that the unit of ranges
     does not matter, and at most :data:`CLIP` each, so that no beam weighs much; NaN where fewer than a tenth of the
-    beams can be compared. Along a corridor only the few beams that look ahead tell, so that it is no median. ``poses`` (n, 3) may be
-    given instead of summing the odometry up; ``scale`` is the unit of the ranges in m.
+    beams can be compared. Along a corridor only the few beams that look ahead tell, so that it is no median.
+
+    ``poses`` (n, 3) may be given instead of summing the odometry up; ``scale`` is the unit of the ranges in m.
     """
     if len(pairs) == 0:
         return np.zeros(0)

@@ -170,7 +170,7 @@ def _blind(recording: Recording) -> NDArray[np.bool_]:
     low, high = recording.lidar.range_min, recording.lidar.range_max
 
     def none(ranges: NDArray[np.float32]) -> NDArray[np.bool_]:
-        return ~((ranges >= low) & (ranges <= high)).any(axis=1)
+        return np.asarray(~((ranges >= low) & (ranges <= high)).any(axis=1))
 
     blind = none(recording.ranges[:, :: max(1, recording.ranges.shape[1] // 16)])
     suspects = np.flatnonzero(blind)

@@ -34,7 +34,8 @@ def check_unit(draft: Draft) -> None:
         return
     factor = _factor(interval)
     moves = max(speed, turning) > 1e-12
-    plausible = moves and 0.02 < max(speed, turning) / factor and speed / factor < _FAST and turning / factor < _SPINS
+    fast, spins = speed / factor, turning / factor
+    plausible = moves and max(fast, spins) > 2 * _SLOW and fast < _FAST and spins < _SPINS
     integers = bool((recording.stamps[:1000] == np.rint(recording.stamps[:1000])).all())
     if factor < 1.0 and (plausible or (not moves and integers and interval >= 5.0)):
         draft.mend(**in_seconds(recording, factor))

@@ -8,7 +8,7 @@ from pfslam_viz.recordings.checking.draft import Draft
 
 Array = NDArray[np.float64]
 
-# Median disagreement of scans half a metre apart. Real logs in clutter, with poor odometry, come to 0.12; chance to 0.4.
+# Median disagreement of scans half a metre apart. Real logs in clutter come to 0.12, chance to 0.4.
 _CONTRADICTED = 0.28
 _TURNS = np.array([0.15, 0.3, 0.5, 0.8, -0.15, -0.3, -0.5, -0.8])  # rad, between two scans
 

@@ -29,8 +29,8 @@ def check_jumps(draft: Draft) -> None:
     step, turn = speed * intervals, turning * intervals
     impossible = (step > FASTEST * intervals + _SLACK) | (turn > FASTEST_TURN * intervals + _SLACK)
     usual, usual_turn = np.percentile(speed, 95), np.percentile(turning, 95)
-    odd = (step > _TIMES * usual * intervals + _LONGER) | (turn > _TIMES * usual_turn * intervals + _LONGER)
-    odd = np.flatnonzero(odd & ~impossible)
+    longer = (step > _TIMES * usual * intervals + _LONGER) | (turn > _TIMES * usual_turn * intervals + _LONGER)
+    odd = np.flatnonzero(longer & ~impossible)
     if 0 < len(odd) <= _MOST:
         doubted = impossible.copy()
         doubted[odd] = True

@@ -1,4 +1,4 @@
-"""A lidar that looks another way than is said: mirrored, or backwards. Doubted, where the scans speak for it."""
+"""A lidar that looks another way than is said: mirrored, wider, or backwards. Doubted, where the scans speak for it."""
 
 from dataclasses import replace
 
@@ -7,9 +7,12 @@ import numpy as np
 from pfslam_viz.recordings.checking.agreement import disagreement, explains_better, pairs_apart, turned_apart
 from pfslam_viz.recordings.checking.draft import Draft
 
+# Fields of view that are taken for one another: 180, 240, 270 and 360 degrees, and half the increment or twice.
+_WIDER = (0.5, 2 / 3, 0.75, 4 / 3, 1.5, 2.0)
+
 
 def check_mounting(draft: Draft) -> None:
-    """Whether the scans turn the other way than the odometry does, or go back where it goes ahead."""
+    """Whether the scans turn the other way or more than the odometry does, or go back where it goes ahead."""
     recording = draft.recording
     lidar, ranges, odometry = recording.lidar, recording.ranges, recording.odometry
     if len(recording) < 5 or len(lidar.angles) < 2:
@@ -25,6 +28,17 @@ def check_mounting(draft: Draft) -> None:
             "look at the order of the beams (counter-clockwise is positive), a lidar upside down, the gyro's sign",
         )
         return
+    for times in _WIDER:
+        wider = replace(lidar, angles=lidar.angles.mean() + times * (lidar.angles - lidar.angles.mean()))
+        if np.ptp(wider.angles) < 6.4 and explains_better(disagreement(wider, ranges, odometry, pairs), given):
+            seen, fits = np.degrees(np.ptp(lidar.angles)), np.degrees(np.ptp(wider.angles))
+            draft.add(
+                "doubtful",
+                "field_of_view",
+                f"lidar: the scans turn as if the beams spanned {fits:.0f}° rather than {seen:.0f}°",
+                "say the lidar's field of view or its angle increment",
+            )
+            return
     pairs = pairs_apart(odometry, turn=1e9)
     given = disagreement(lidar, ranges, odometry, pairs)
     backwards = replace(lidar, angles=lidar.angles + np.pi)

@@ -14,8 +14,8 @@ Array = NDArray[np.float64]
 FASTEST, FASTEST_TURN = 10.0, 20.0
 LENGTHS = {1e-3: "millimetres", 1e-2: "centimetres"}
 _KINDS = {
-    "odometry_cumulative": "odometry: holds poses where motions from scan to scan are due ({speed:.3g} m/s, if they were"
-    " motions); taken as poses (odometry_poses)",
+    "odometry_cumulative": "odometry: holds poses where motions from scan to scan are due ({speed:.3g} m/s, if they"
+    " were motions); taken as poses (odometry_poses)",
     "odometry_in_millimetres": "odometry: in millimetres ({speed:.4g} m/s, if it were metres); converted to metres",
     "odometry_in_centimetres": "odometry: in centimetres ({speed:.4g} m/s, if it were metres); converted to metres",
 }
