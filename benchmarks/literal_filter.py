@@ -9,10 +9,10 @@ from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
-from pfslam_viz.slam.scan_reader import ScanReader
 
 from pfslam_viz.config import Config
 from pfslam_viz.recordings.recording import Recording
+from pfslam_viz.slam.scan_reader import ScanReader
 
 Array = NDArray[np.float64]
 
