@@ -81,8 +81,9 @@ def test_a_row_is_listed_and_described(toy: Path) -> None:
 def test_a_row_is_claimed_by_the_importer(toy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     started = []
     monkeypatch.setattr(importer, "_replay", lambda *arguments: started.append(arguments[0]))
+    assert not is_recording(toy)  # one file in it does not make the folder ours
     (toy / "no.toy").write_text("hello")
-    assert is_recording(toy / "drive.toy") and not is_recording(toy / "no.toy") and not is_recording(toy)
+    assert is_recording(toy / "drive.toy") and not is_recording(toy / "no.toy")
     assert importer.main([str(toy / "drive.toy")]) == 0
     assert importer.main([str(toy / "no.toy")]) == importer.NOT_OURS
     assert started == [toy / "drive.toy"]
