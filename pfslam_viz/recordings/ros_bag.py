@@ -12,13 +12,13 @@ from types import TracebackType
 from typing import Any
 
 from pfslam_viz.errors import InputError
+from pfslam_viz.recordings.ros_claims import stem, storage_files
 from pfslam_viz.recordings.ros_records import MAGIC, RecordError, RecordReader
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
 ODOMETRY = "nav_msgs/msg/Odometry"
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 TYPES = (LASER_SCAN, ODOMETRY, *TRANSFORMS)
-STORAGE = (".db3", ".mcap")
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,11 @@ class Bag:
         if not path.exists():
             raise InputError(f"{path}: no such file")
         self.ros = 1 if path.suffix.lower() == ".bag" and path.is_file() else 2
-        self._readers: list[Any] = self._open_ros1() if self.ros == 1 else self._open_ros2()
+        try:
+            self._readers: list[Any] = self._open_ros1() if self.ros == 1 else self._open_ros2()
+        except BaseException:
+            self._stack.close()
+            raise
         self.topics = self._topics()
         self.duration = self._duration()
         self._stores: dict[tuple[str, str], Any] = {}
@@ -83,7 +87,6 @@ class Bag:
             if not wanted:
                 continue
             try:
-                # Not inside a try of its own: a generator's consumer does not raise in here.
                 for connection, received, raw in reader.messages(wanted):
                     try:
                         message = self._deserialize(connection, raw)
@@ -165,7 +168,9 @@ class Bag:
         reason = "metadata.yaml is missing"
         if (self.path / "metadata.yaml").is_file():
             try:
-                return [self._open_storage(self.path)]
+                reader = self._open_storage(self.path)
+                # The files as they are: by metadata.yaml rosbags leaves out topics whose QoS is written otherwise there.
+                return [reader] if reader.compression_mode else list(reader.storage.storages)
             except InputError as error:
                 reason = f"metadata.yaml cannot be used ({str(error).removeprefix(f'{self.path}: ')})"
         if not files:
@@ -187,8 +192,10 @@ class Bag:
         except Exception as error:  # ReaderError, AssertionError, TypeError, zstd's, apsw's, ...
             reason = _in_words(error)
             if path.suffix.lower() == ".mcap" and "end magic" in reason:
-                reason = "its end is missing; `mcap recover` mends what is there"
-            raise InputError(f"{path}: cannot be read, damaged or only half copied: {reason}") from None
+                reason = "damaged or only half copied; `mcap recover` saves what is there"
+            if "Profile" in reason:
+                reason = "only MCAP files of ROS 2 are read"
+            raise InputError(f"{path}: cannot be read: {reason}") from None
         self._stack.callback(reader.close)
         return reader
 
@@ -201,10 +208,11 @@ class Bag:
         return {name: Topic(name, types[name], counts[name]) for name in sorted(counts)}
 
     def _duration(self) -> float:
-        filled = [r for r in self._readers if any(c.msgcount for c in r.connections)]
-        if not filled:
-            return 0.0
-        return float(max(r.end_time for r in filled) - min(r.start_time for r in filled)) * 1e-9
+        # A file of a folder tells its times in its metadata.
+        spans = [
+            r.metadata if hasattr(r, "metadata") else r for r in self._readers if any(c.msgcount for c in r.connections)
+        ]
+        return float(max(s.end_time for s in spans) - min(s.start_time for s in spans)) * 1e-9 if spans else 0.0
 
 
 def short_type(name: str) -> str:
@@ -214,7 +222,7 @@ def short_type(name: str) -> str:
 
 def _is_split(files: list[Path]) -> bool:
     """Whether the files are called like the parts of one recording: NAME_0, NAME_1, ..."""
-    return len({_stem(file) for file in files}) == 1 and all(file.stem != _stem(file) for file in files)
+    return len({stem(file) for file in files}) == 1 and all(file.stem != stem(file) for file in files)
 
 
 def _need_rosbags(path: Path) -> None:
@@ -228,4 +236,4 @@ def _need_rosbags(path: Path) -> None:
 def _in_words(error: BaseException) -> str:
     """An error of rosbags' in a few words on one line."""
     text = " ".join(str(error).split())
-    return text[:120].rstrip(". ") or type(error).__name__
+    return text[:120].rstrip(". ") or "a record in it is inconsistent"

@@ -8,11 +8,9 @@ _LASER_SCAN = b"sensor_msgs/msg/LaserScan"
 
 
 def claims(path: Path) -> bool:
-    """Whether a path is called like a ROS recording; a folder: whether it holds metadata.yaml or a .db3 file."""
+    """Whether a path is called like a ROS recording; a folder: whether it holds a ROS 2 bag's metadata.yaml, or a .db3 file."""
     if path.is_dir():
-        return bool(storage_files(path)) and (
-            (path / "metadata.yaml").is_file() or any(file.suffix.lower() == ".db3" for file in storage_files(path))
-        )
+        return _has_metadata(path) or any(file.suffix.lower() == ".db3" for file in storage_files(path))
     return path.suffix.lower() in (".bag", *STORAGE)
 
 
@@ -45,6 +43,13 @@ def stem(file: Path) -> str:
     """A storage file's name without suffix and number: ``drive`` for ``drive_0.db3``."""
     head, _, number = file.stem.rpartition("_")
     return head if head and number.isdigit() else file.stem
+
+
+def _has_metadata(folder: Path) -> bool:
+    try:
+        return b"rosbag2_bagfile_information" in (folder / "metadata.yaml").read_bytes()[:4096]
+    except OSError:
+        return False
 
 
 def _names_laser_scan(path: Path) -> bool:

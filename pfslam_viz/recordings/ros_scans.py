@@ -54,16 +54,15 @@ class Scans:
 
     def add(self, message: object, received: float) -> None:
         """One LaserScan, received at a time in s."""
-        m: object = message
-        self.stamps.append(seconds(m.header.stamp))  # type: ignore[attr-defined]
+        self.stamps.append(seconds(message.header.stamp))  # type: ignore[attr-defined]
         self.received.append(received)
-        self.frames.append(frame_name(m.header.frame_id))  # type: ignore[attr-defined]
-        ranges = np.asarray(m.ranges, dtype=np.float32)  # type: ignore[attr-defined]
+        self.frames.append(frame_name(message.header.frame_id))  # type: ignore[attr-defined]
+        ranges = np.asarray(message.ranges, dtype=np.float32)  # type: ignore[attr-defined]
         # Messages hold float32; 1e-9 rad is less than they can tell apart.
-        first, step = round(float(m.angle_min), 9), round(float(m.angle_increment), 9)  # type: ignore[attr-defined]
+        first, step = round(float(message.angle_min), 9), round(float(message.angle_increment), 9)  # type: ignore[attr-defined]
         self.shapes.append((first, step, len(ranges)))
-        self.limits.extend((m.range_min, m.range_max))  # type: ignore[attr-defined]
-        self.times.extend((m.time_increment, m.scan_time))  # type: ignore[attr-defined]
+        self.limits.extend((message.range_min, message.range_max))  # type: ignore[attr-defined]
+        self.times.extend((message.time_increment, message.scan_time))  # type: ignore[attr-defined]
         self._ranges.frombytes(ranges.tobytes())
         self._starts.append(len(self._ranges))
 
@@ -113,7 +112,7 @@ class Scans:
 
     def range_limits(self, ranges: NDArray[np.float32], notes: list[str]) -> tuple[float, float]:
         """The lidar's limits in m as the messages say them; a reading of exactly the upper one is put to 0."""
-        low, high = (self._median(self.limits, k) for k in (0, 1))
+        low, high = (_as_written(self._median(self.limits, k)) for k in (0, 1))
         if not low > 0:
             low = _RANGE_MIN
         if not high > low:
@@ -134,7 +133,8 @@ class Scans:
         increment, turn = self._median(self.times, 0), self._median(self.times, 1)
         step = abs(Counter(self.shapes).most_common(1)[0][0][1])
         for value, name in ((increment, "time_increment"), (turn * step / (2 * math.pi), "scan_time")):
-            if math.isfinite(value) and 0 < value * (beams - 1) < 1.5 * spacing:
+            value = _as_written(value)
+            if 0 < value * (beams - 1) < 1.5 * spacing:
                 return value, name
         return None, ""
 
@@ -146,7 +146,12 @@ class Scans:
 
 def _is_possible(shape: Shape) -> bool:
     first, step, beams = shape
-    return abs(first) < _TURN and 1e-5 < abs(step) and beams > 0 and abs(step) * (beams - 1) < _TURN
+    return abs(first) < _TURN and abs(step) > 1e-5 and beams > 0 and abs(step) * (beams - 1) < _TURN
+
+
+def _as_written(value: float) -> float:
+    """The shortest decimal that gives the same float32: 5.6 for 5.599999904632568."""
+    return float(str(np.float32(value)))
 
 
 def _cleaned(ranges: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -166,7 +171,7 @@ def _common_angles(counts: "Counter[Shape]", common: Shape) -> Array:
     room = max(round(2 * math.pi / step) - common[2], 0)
     before = min(max(before, 0), room)
     after = min(max(after, 0), room - before)
-    return start + step * np.arange(-before, common[2] + after)
+    return start + step * np.arange(-before, common[2] + after, dtype=np.float64)
 
 
 def _nearest_beams(shape: Shape, angles: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -59,7 +59,7 @@ class Edge:
 
     def first(self) -> Array:
         """The first place as a (4, 4) matrix."""
-        return matrices(np.array(self.values[:7])[None])[0]
+        return matrices(np.array([self.values[:7]])).reshape(4, 4)
 
     def at(self, times: Array, received: bool) -> Array:
         """Places (m, 4, 4) at times (m,) s, interpolated; held outside the span."""
