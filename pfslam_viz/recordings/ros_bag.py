@@ -169,7 +169,7 @@ class Bag:
         if (self.path / "metadata.yaml").is_file():
             try:
                 reader = self._open_storage(self.path)
-                # The files as they are: by metadata.yaml rosbags leaves out topics whose QoS is written otherwise there.
+                # The files as they are: by metadata.yaml topics are left out whose QoS is written otherwise there.
                 return [reader] if reader.compression_mode else list(reader.storage.storages)
             except InputError as error:
                 reason = f"metadata.yaml cannot be used ({str(error).removeprefix(f'{self.path}: ')})"
@@ -209,9 +209,8 @@ class Bag:
 
     def _duration(self) -> float:
         # A file of a folder tells its times in its metadata.
-        spans = [
-            r.metadata if hasattr(r, "metadata") else r for r in self._readers if any(c.msgcount for c in r.connections)
-        ]
+        filled = (r for r in self._readers if any(c.msgcount for c in r.connections))
+        spans = [getattr(reader, "metadata", reader) for reader in filled]
         return float(max(s.end_time for s in spans) - min(s.start_time for s in spans)) * 1e-9 if spans else 0.0
 
 

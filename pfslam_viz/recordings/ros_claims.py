@@ -8,7 +8,7 @@ _LASER_SCAN = b"sensor_msgs/msg/LaserScan"
 
 
 def claims(path: Path) -> bool:
-    """Whether a path is called like a ROS recording; a folder: whether it holds a ROS 2 bag's metadata.yaml, or a .db3 file."""
+    """Whether a path is called like a ROS recording, or a folder holds a ROS 2 bag's metadata.yaml or a .db3 file."""
     if path.is_dir():
         return _has_metadata(path) or any(file.suffix.lower() == ".db3" for file in storage_files(path))
     return path.suffix.lower() in (".bag", *STORAGE)
