@@ -153,8 +153,8 @@ class Bag:
         count = sum(connection.msgcount for connection in records.connections)
         if count == 0:
             raise InputError(f"{self.path}: damaged or only half copied ({reason}), and no message in it can be read")
-        if records.cut_off:
-            self.notes.append(f"the bag is cut off or was never closed; the {count} messages up to there are read")
+        if records.damaged:
+            self.notes.append(f"the bag is cut off or damaged ({reason}); the {count} messages that are whole are read")
         else:
             self.notes.append(f"the bag's index cannot be used ({reason}); its {count} messages are read without it")
         return [records]

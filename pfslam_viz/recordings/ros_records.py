@@ -38,14 +38,14 @@ class BagConnection:
 class RecordReader:
     """The connections and messages of a bag, found by walking its records from the start.
 
-    ``start_time`` and ``end_time`` are receive times in ns (0 without messages); ``cut_off`` says that the file ends
-    within a record, or goes on with bytes that are none.
+    ``start_time`` and ``end_time`` are receive times in ns (0 without messages); ``damaged`` says that the file ends
+    within a record, or holds bytes that are none.
     """
 
     def __init__(self, path: Path) -> None:
         """Walk through the file once. Raises RecordError when it is no ROS bag 2.0, OSError when unreadable."""
         self.path = path
-        self.cut_off = False
+        self.damaged = False
         self.start_time, self.end_time = 0, 0
         self._known: dict[int, BagConnection] = {}
         for connection, time, _ in self._walk():
@@ -66,13 +66,20 @@ class RecordReader:
             try:
                 while (record := _read_record(file)) is not None:
                     header, data, whole = record
+                    self.damaged |= not whole
                     if _op(header) == _CHUNK:
-                        yield from self._chunk(_decompress(header, data, whole))
-                    self.cut_off = self.cut_off or not whole
-            except (RecordError, struct.error):
-                self.cut_off = True
+                        yield from self._chunk(header, data, whole)
+            except (RecordError, struct.error, KeyError):
+                self.damaged = True
 
-    def _chunk(self, data: bytes) -> Iterator[tuple[BagConnection, int, bytes]]:
+    def _chunk(self, header: dict[str, bytes], data: bytes, whole: bool) -> Iterator[tuple[BagConnection, int, bytes]]:
+        """The messages of a chunk, up to where it is damaged."""
+        try:
+            yield from self._records(_decompress(header, data, whole))
+        except (RecordError, struct.error, KeyError):
+            self.damaged = True
+
+    def _records(self, data: bytes) -> Iterator[tuple[BagConnection, int, bytes]]:
         at = 0
         while at + 4 <= len(data):
             header, at = _fields(data, at)

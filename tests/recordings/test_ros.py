@@ -180,7 +180,7 @@ def test_a_drive(tmp_path: Path, kind: str) -> None:
     assert (recording.lidar.range_min, recording.lidar.range_max) == (0.1, 30.0)
     assert recording.lidar.pose.tolist() == [0.25, 0.0, 0.0]
     assert recording.lidar.height == 0.5
-    np.testing.assert_allclose(recording.odometry, [[0, 0, 0], [1, 0, 0], [0, 0, math.pi / 2]], atol=1e-9)
+    np.testing.assert_allclose(recording.odometry, np.array([(0, 0, 0), (1, 0, 0), (0, 0, math.pi / 2)]), atol=1e-9)
     assert recording.notes == ()
     assert [(s.name, len(s.stamps)) for s in recording.streams] == [("lidar", 3), ("odometry", 4)]
 
@@ -251,7 +251,7 @@ def test_odometry_from_transforms(tmp_path: Path, kind: str) -> None:
     path = bag.write(tmp_path)
     recording = ros.load(path)
     # A rotation between 0 and 90 degrees, interpolated in its quaternion, is halfway at 45 degrees.
-    np.testing.assert_allclose(recording.odometry, [[0, 0, 0], [0.5, 0, 0], [0, 0, math.pi / 4]], atol=1e-6)
+    np.testing.assert_allclose(recording.odometry, np.array([(0, 0, 0), (0.5, 0, 0), (0, 0, math.pi / 4)]), atol=1e-6)
     assert recording.lidar.pose.tolist() == [0.2, 0.0, 0.0]
     assert recording.lidar.height == pytest.approx(0.4)
     told = ros.describe(path)["used"]
