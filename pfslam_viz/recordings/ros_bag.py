@@ -76,18 +76,20 @@ class Bag:
     def messages(self, names: Collection[str]) -> Iterator[tuple[str, int, Any]]:
         """Topic, receive time (ns) and message of every message of these topics, a file after the other.
 
-        Messages that cannot be deserialized are left out, which ``notes`` says at the end.
+        Messages that cannot be deserialized are left out; ``notes`` says so at the end, and which are missing.
 
         Raises:
             InputError: the file turns out to be damaged.
         """
         unreadable: dict[str, int] = {}
+        missing = {name: topic.messages for name, topic in self.topics.items() if name in names}
         for reader in self._readers:
             wanted = [c for c in reader.connections if c.topic in names and c.msgtype in TYPES]
             if not wanted:
                 continue
             try:
                 for connection, received, raw in reader.messages(wanted):
+                    missing[connection.topic] -= 1
                     try:
                         message = self._deserialize(connection, raw)
                     except Exception:  # of a great many kinds: struct.error, AssertionError, UnicodeDecodeError...
@@ -102,6 +104,7 @@ class Bag:
                 ) from None
         for topic, count in unreadable.items():
             self.notes.append(f"{topic}: {count} messages that cannot be read are left out")
+        self.notes += [f"{topic}: {count} messages are missing" for topic, count in missing.items() if count > 0]
 
     def _deserialize(self, connection: Any, raw: bytes) -> Any:
         key = (connection.msgtype, connection.digest or "")

@@ -8,6 +8,7 @@ import math
 from array import array
 from collections import Counter
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,8 +59,7 @@ class Scans:
         self.received.append(received)
         self.frames.append(frame_name(message.header.frame_id))  # type: ignore[attr-defined]
         ranges = np.asarray(message.ranges, dtype=np.float32)  # type: ignore[attr-defined]
-        # Messages hold float32; 1e-9 rad is less than they can tell apart.
-        first, step = round(float(message.angle_min), 9), round(float(message.angle_increment), 9)  # type: ignore[attr-defined]
+        first, step = _as_meant(float(message.angle_min)), _as_meant(float(message.angle_increment))  # type: ignore[attr-defined]
         self.shapes.append((first, step, len(ranges)))
         self.limits.extend((message.range_min, message.range_max))  # type: ignore[attr-defined]
         self.times.extend((message.time_increment, message.scan_time))  # type: ignore[attr-defined]
@@ -92,9 +92,9 @@ class Scans:
             return Grid(angles, _cleaned(ranges), common[1] < 0)
         angles = _common_angles(counts, common)
         ranges = np.zeros((len(rows), len(angles)), dtype=np.float32)
-        nearest = {shape: _nearest_beams(shape, angles) for shape in counts}
+        nearest = lru_cache(maxsize=64)(lambda shape: _nearest_beams(shape, angles))
         for row, (k, shape) in enumerate(zip(rows, shapes, strict=True)):
-            at, beams = nearest[shape]
+            at, beams = nearest(shape)
             ranges[row, at] = flat[self._starts[k] : self._starts[k + 1]][beams]
         beam_counts = sorted({shape[2] for shape in counts})
         if len(beam_counts) > 1:
@@ -147,6 +147,20 @@ class Scans:
 def _is_possible(shape: Shape) -> bool:
     first, step, beams = shape
     return abs(first) < _TURN and abs(step) > 1e-5 and beams > 0 and abs(step) * (beams - 1) < _TURN
+
+
+@lru_cache(maxsize=1024)
+def _as_meant(angle: float) -> float:
+    """An angle in rad before it was rounded to float32, where that is plain: some thousandths, 1024ths or thirds of 1°.
+
+    Rounded angles are off by up to 1e-7 rad: little, but a filter's resampling falls otherwise by it in time.
+    """
+    rounded = np.float32(angle)
+    for parts in (1000, 1024, 3):
+        meant = math.radians(round(math.degrees(angle) * parts) / parts) if math.isfinite(angle) else angle
+        if np.float32(meant) == rounded:
+            return meant
+    return angle
 
 
 def _as_written(value: float) -> float:

@@ -535,7 +535,7 @@ def test_the_same_drive_as_its_carmen_log(shared_data: Path, name: str) -> None:
     recording = ros.load(shared_data / "bags" / name)
     np.testing.assert_allclose(recording.stamps, log.stamps, atol=1e-6)
     np.testing.assert_allclose(recording.odometry, log.odometry, atol=1e-9)
-    np.testing.assert_allclose(recording.lidar.angles, log.lidar.angles, atol=1e-6)
+    np.testing.assert_allclose(recording.lidar.angles, log.lidar.angles, rtol=0, atol=1e-15)
 
     def returns(r: Recording) -> NDArray[np.float32]:
         return np.where((r.ranges >= r.lidar.range_min) & (r.ranges <= r.lidar.range_max), r.ranges, np.float32(0))

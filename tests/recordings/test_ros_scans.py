@@ -40,6 +40,16 @@ def test_angles_and_stamps() -> None:
     assert not grid.clockwise
 
 
+def test_angles_that_were_rounded_to_float32_are_as_they_were_meant() -> None:
+    """Or a drive's filter takes another way than with the same drive from a log in degrees."""
+    for first, step in ((-90.0, 1.0), (-135.0, 0.25), (-119.53125, 0.3515625), (-60.0, 1 / 3)):
+        lidar = message([1.0] * 100, float(np.float32(math.radians(first))), float(np.float32(math.radians(step))))
+        grid, _ = gather(lidar)
+        assert grid.angles.tolist() == (math.radians(first) + math.radians(step) * np.arange(100)).tolist()
+    odd = float(np.float32(0.04947393760085106))
+    assert gather(message([1.0] * 3, 0.0, odd))[0].angles[2] == 2 * odd
+
+
 def test_a_clockwise_lidar() -> None:
     """From 90 degrees to the left down to 90 degrees to the right: the last range is the right one's."""
     grid, notes = gather(message([1, 2, 3], first=RIGHT, step=-RIGHT))
