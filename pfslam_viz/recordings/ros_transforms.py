@@ -1,5 +1,6 @@
 """The tree of frames that /tf and /tf_static span: where one frame sits in another, and how it moves (REP 105)."""
 
+import math
 from array import array
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -85,7 +86,7 @@ class Transforms:
         for item in message.transforms:  # type: ignore[attr-defined]
             place, turn = item.transform.translation, item.transform.rotation
             values = (place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w)
-            if np.isfinite(sum(values)):
+            if math.isfinite(sum(values)):
                 key = (frame_name(item.header.frame_id), frame_name(item.child_frame_id))
                 self.edges.setdefault(key, Edge()).add(seconds(item.header.stamp), received, values)
 

@@ -40,6 +40,7 @@ class Writer:
             definition = "geometry_msgs/TransformStamped[] transforms"
             self.store.register(get_types_from_msg(definition, "tf2_msgs/msg/TFMessage"))
         self.messages: list[tuple[str, Any, float]] = []
+        self.silent: list[tuple[str, str]] = []  # topics without messages, and their types
 
     def make(self, name: str, **fields: Any) -> Any:
         return self.store.types[name](**fields)
@@ -141,6 +142,8 @@ class Writer:
             pack = self.store.serialize_cdr
         with writer:
             connections: dict[str, Any] = {}
+            for topic, kind in self.silent:
+                writer.add_connection(topic, kind, typestore=self.store)
             for topic, message, received in self.messages:
                 kind = message.__msgtype__
                 if topic not in connections:
@@ -236,6 +239,15 @@ def test_several_odometry_topics_are_asked_for(tmp_path: Path) -> None:
     assert not without.odometry.any()
 
 
+def test_topics_without_messages_are_no_choice(tmp_path: Path) -> None:
+    bag = drive()
+    bag.silent = [("/scan_rear", "sensor_msgs/msg/LaserScan"), ("/odom_filtered", "nav_msgs/msg/Odometry")]
+    path = bag.write(tmp_path)
+    assert len(ros.load(path)) == 3
+    with pytest.raises(InputError, match="the topic holds no messages"):
+        ros.load(path, scan_topic="/scan_rear")
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_odometry_from_transforms(tmp_path: Path, kind: str) -> None:
     """odom -> base_footprint moves, base_footprint -> base_link does not; /tf holds others too."""
@@ -264,9 +276,9 @@ def test_odometry_in_transforms_goes_the_short_way_through_the_sign_of_quaternio
     for stamp, heading, sign in ((100.0, 3.0, 1), (101.0, 3.2, -1), (102.0, 3.4, 1)):
         turn = [sign * v for v in yaw(heading)]
         bag.transform("odom", "base_link", (0.0, 0.0, 0.0), turn, stamp, "/tf")
-    for stamp in (100.5, 101.5):
+    for stamp in (100.0, 100.5, 101.5):
         bag.scan(stamp, (1.0, 2.0, 3.0), frame="base_link")
-    np.testing.assert_allclose(ros.load(bag.write(tmp_path)).odometry[1], [0, 0, 0.2], atol=1e-3)
+    np.testing.assert_allclose(ros.load(bag.write(tmp_path)).odometry[1:, 2], [0.1, 0.2], atol=1e-3)
 
 
 def test_no_odometry_is_said(tmp_path: Path) -> None:
@@ -286,25 +298,38 @@ def test_a_lidar_behind_and_upside_down(tmp_path: Path, topic: str) -> None:
 
     Looking back, the lidar's x axis is the robot's -x and its y axis the robot's -y; rolled over about x, y is the
     robot's +y again. So the beam ahead of 2 m ends at -0.2 - 2, that at +90 degrees of 3 m at 0.05 + 3 to the left,
-    that at -90 degrees of 1 m at 0.05 - 1.
+    that at -90 degrees of 1 m at 0.05 - 1; that behind it of 4 m at -0.2 + 4, ahead of the robot.
     """
     bag = Writer("bag")
     bag.transform("base_footprint", "base_link", (0.0, 0.0, 0.1), topic=topic)
     bag.transform("base_link", "mast", (-0.2, 0.05, 0.0), yaw(math.pi), topic=topic)
     bag.transform("mast", "laser", (0.0, 0.0, 0.3), UPSIDE_DOWN, topic=topic)
     bag.odometry(100.0, (0, 0, 0), child="base_footprint")
-    bag.scan(100.0, (1.0, 2.0, 3.0), time_increment=0.001)
-    bag.scan(101.0, (1.0, 2.0, 3.0), time_increment=0.001)
+    bag.scan(100.0, (1.0, 2.0, 3.0, 4.0), time_increment=0.001)
+    bag.scan(101.0, (1.0, 2.0, 3.0, 4.0), time_increment=0.001)
     read = ros.read(bag.write(tmp_path))
     recording = read.recording
-    assert recording.ranges[0].tolist() == [3.0, 2.0, 1.0]
-    np.testing.assert_allclose(end_points(recording), [[-0.2, 3.05], [-2.2, 0.05], [-0.2, -0.95]], atol=1e-6)
+    assert recording.ranges[0].tolist() == [4.0, 3.0, 2.0, 1.0]
+    expected = [[3.8, 0.05], [-0.2, 3.05], [-2.2, 0.05], [-0.2, -0.95]]
+    np.testing.assert_allclose(end_points(recording), expected, atol=1e-6)
     assert (np.diff(recording.lidar.angles) > 0).all()
     assert recording.lidar.height == pytest.approx(0.4)
     # The message's first beam, of 1 m, is the last of the recording's.
     assert read.beam_times is not None
-    np.testing.assert_allclose(read.beam_times, [0.002, 0.001, 0.0])
+    np.testing.assert_allclose(read.beam_times, [0.003, 0.002, 0.001, 0.0])
     assert any("upside down" in note for note in recording.notes)
+
+
+def test_the_base_is_linked_to_the_lidar_through_both_topics(tmp_path: Path) -> None:
+    """/tf_static knows the lidar's place on base_link; where that is in the odometry's frame stands in /tf."""
+    bag = Writer("bag")
+    bag.transform("base_footprint", "base_link", (0.5, 0.0, 0.0), topic="/tf")
+    bag.transform("base_link", "laser", (0.1, 0.0, 0.0))
+    bag.odometry(100.0, (0, 0, 0), child="base_footprint")
+    bag.scan(100.0, (1.0, 2.0, 3.0))
+    recording = ros.load(bag.write(tmp_path))
+    np.testing.assert_allclose(recording.lidar.pose, [0.6, 0, 0])
+    assert recording.notes == ()
 
 
 def test_leading_slashes(tmp_path: Path) -> None:
