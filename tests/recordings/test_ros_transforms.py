@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pfslam_viz.recordings.ros_transforms import Transforms, matrices, pick
+from pfslam_viz.recordings.ros_transforms import Edge, Transforms, matrices, pick
 
 
 def add(
@@ -88,6 +88,15 @@ def test_motion_through_two_links_with_stamps_of_their_own() -> None:
     back = tree.motion("base", "odom", received=False)
     assert back is not None
     np.testing.assert_allclose(back[1], [[-1, 0, 0], [-3, -1, 0]])
+
+
+def test_a_turn_is_interpolated_the_short_way_through_the_sign_of_quaternions() -> None:
+    """q and -q are one rotation: headings of 0.2, 0.4 and 0.6 rad, the second written with the other sign."""
+    edge = Edge()
+    for stamp, heading, sign in ((0.0, 0.2, 1), (1.0, 0.4, -1), (2.0, 0.6, 1)):
+        edge.add(stamp, 0.0, (0, 0, 0, 0, 0, sign * math.sin(heading / 2), sign * math.cos(heading / 2)))
+    places = edge.at(np.array([0.5, 1.5]), received=False)
+    np.testing.assert_allclose(np.arctan2(places[:, 1, 0], places[:, 0, 0]), [0.3, 0.5], atol=1e-9)
 
 
 def test_what_rests_is_no_motion_and_takes_no_memory() -> None:
