@@ -35,7 +35,10 @@ def recording_name(path: Path) -> str:
 
 def storage_files(folder: Path) -> list[Path]:
     """The .db3 and .mcap files in a folder, in order of their names with numbers counted (bag_2 before bag_10)."""
-    files = [file for file in folder.iterdir() if file.suffix.lower() in STORAGE and file.is_file()]
+    try:
+        files = [file for file in folder.iterdir() if file.suffix.lower() in STORAGE and file.is_file()]
+    except OSError:  # nothing that may be looked at
+        return []
     return sorted(files, key=lambda file: (stem(file), len(file.stem), file.stem))
 
 
