@@ -191,59 +191,6 @@ def _robot_poses(scans: Scans, messages: Messages, notes: list[str]) -> Array:
     return scans.robot
 
 
-def _has_usable_beams(scans: Scans) -> NDArray[np.bool_]:
-    """Which scans (n,) have beams that go round at most once, from within one turn of straight ahead."""
-    turn = 2 * math.pi + 0.1
-    with np.errstate(invalid="ignore"):
-        span = scans.resolution * (scans.beams - 1)
-        usable: NDArray[np.bool_] = (np.abs(scans.start) < turn) & (scans.resolution > 1e-4) & (span < turn)
-    return usable
-
-
-def _beams(scans: Scans, notes: list[str]) -> tuple[Array, NDArray[np.float32], NDArray[np.bool_]]:
-    """One grid of beam angles (B,), the ranges on it (k, B), and which scans (n,) bool fit it.
-
-    Scans may differ in their number of beams or, interlaced, in their first angle: the grid then has all beams of all
-    scans, and a scan has no return (range 0) where it has no beam. A scan that does not fit the grid is left out.
-    """
-    shapes = list(zip(scans.start.tolist(), scans.resolution.tolist(), scans.beams.tolist(), strict=True))
-    (start, resolution, usual), _ = Counter(shapes).most_common(1)[0]
-    finer = _finer_grid((scans.start - start) / resolution)
-    step = resolution / finer
-    offset = (scans.start - start) / step
-    first = np.rint(offset).astype(int)
-    fits = (np.abs(offset - first) < _OFF_GRID) & (np.abs(scans.resolution / resolution - 1) * scans.beams < 0.5)
-    if not fits.all():
-        notes.append(f"lidar: {int((~fits).sum())} scans with other beam angles than most left out")
-    first, beams, rows = first[fits], scans.beams[fits], np.flatnonzero(fits)
-    low = int(first.min())
-    high = int((first + finer * (beams - 1)).max())
-    ranges = np.zeros((len(rows), high - low + 1), dtype=np.float32)
-    with np.errstate(over="ignore", invalid="ignore"):
-        for (at, count), group in _groups(first, beams):
-            ranges[group, at - low : at - low + finer * count : finer] = [scans.ranges[k] for k in rows[group]]
-    if (beams != usual).any():
-        counts = " or ".join(str(n) for n in np.unique(beams))
-        notes.append(f"lidar: scans have {counts} beams; where a scan has no beam it has no return")
-    if finer > 1:
-        notes.append(f"lidar: scans are interlaced at 1/{finer} of a beam; each fills every {finer}th of all beams")
-    return start + step * np.arange(low, high + 1), ranges, fits
-
-
-def _finer_grid(offsets: Array) -> int:
-    """Into how many parts a beam's width must be divided so that all first angles, in beams, fall on the grid."""
-    for parts in (1, 2, 3, 4):
-        off = np.abs(parts * offsets - np.rint(parts * offsets))
-        if (off < _OFF_GRID).mean() > 0.9:
-            return parts
-    return 1
-
-
-def _groups(first: NDArray[np.intp], beams: NDArray[np.intp]) -> list[tuple[tuple[int, int], NDArray[np.intp]]]:
-    pairs, which = np.unique(np.stack([first, beams], axis=1), axis=0, return_inverse=True)
-    return [((int(a), int(b)), np.flatnonzero(which.reshape(-1) == k)) for k, (a, b) in enumerate(pairs)]
-
-
 def _range_max(ranges: NDArray[np.float32], scans: Scans, messages: Messages) -> float:
     """The range in m above which a reading is no return.
 
@@ -265,18 +212,6 @@ def _range_max(ranges: NDArray[np.float32], scans: Scans, messages: Messages) ->
     if top >= 20.0 and repeats >= max(3, 0.001 * ranges.size) and repeats > below:
         return math.floor(top * 100.0 - 0.5) / 100.0
     return limit
-
-
-def _mount(scans: Scans, messages: Messages) -> Array:
-    """The lidar's pose (3,) on the robot."""
-    if scans.on_robot:
-        mounts = geometry.between(scans.robot, scans.laser)
-        mounts = mounts[np.isfinite(mounts).all(axis=1)]
-        # Written with six decimals; far from the origin the difference is a little rough.
-        return np.round(np.median(mounts, axis=0), 4) + 0.0 if len(mounts) else np.zeros(3)
-    get = messages.parameters.get
-    x, y = get("robot_frontlaser_offset", 0.0), get("robot_frontlaser_side_offset", 0.0)
-    return np.array([x, y, get("robot_frontlaser_angular_offset", 0.0)])
 
 
 def _read_relations(path: Path, notes: list[str]) -> Relations | None:
