@@ -114,7 +114,9 @@ def counter_clockwise(scans: Scans, notes: list[str]) -> Scans:
         clockwise = scans.resolution < 0
     if not clockwise.any():
         return scans
-    notes.append(f"lidar: {_all_or(int(clockwise.sum()), len(clockwise))} scans run clockwise; read from their last beam")
+    notes.append(
+        f"lidar: {_all_or(int(clockwise.sum()), len(clockwise))} scans run clockwise; read from their last beam"
+    )
     last = scans.start + scans.resolution * (scans.beams - 1)
     return replace(
         scans,

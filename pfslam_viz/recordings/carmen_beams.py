@@ -19,18 +19,20 @@ _ONE_SURFACE = 0.1
 
 def has_usable_beams(scans: Scans) -> NDArray[np.bool_]:
     """Which scans (n,) have beams that go round at most once, from within one turn of straight ahead."""
-    turn = 2 * math.pi + 0.1
+    turn = _TURN + 0.1
     with np.errstate(invalid="ignore"):
         span = scans.resolution * (scans.beams - 1)
         usable: NDArray[np.bool_] = (np.abs(scans.start) < turn) & (scans.resolution > 1e-4) & (span < turn)
     return usable
 
 
-def on_one_grid(scans: Scans, notes: list[str]) -> tuple[Array, NDArray[np.float32], NDArray[np.bool_]]:
-    """One grid of beam angles (B,), the ranges on it (k, B), and which scans (n,) bool fit it.
+def on_one_grid(scans: Scans, notes: list[str]) -> tuple[Array, NDArray[np.float32]]:
+    """One grid of beam angles (B,) and the ranges of all n scans on it (n, B).
 
     Scans may differ in their number of beams or, interlaced, in their first angle: the grid then has all beams of all
-    scans, and a scan has no return (range 0) where it has no beam. A scan that does not fit the grid is left out.
+    scans, and a scan has no return (range 0) where it has no beam. A scan that does not fit that grid is resampled
+    (:func:`resample`). Where most do not fit, as with lidars that turn a little faster or slower each time, all are
+    resampled to a grid of their median resolution.
     """
     shapes = list(zip(scans.start.tolist(), scans.resolution.tolist(), scans.beams.tolist(), strict=True))
     (start, resolution, usual), _ = Counter(shapes).most_common(1)[0]
@@ -38,22 +40,78 @@ def on_one_grid(scans: Scans, notes: list[str]) -> tuple[Array, NDArray[np.float
     step = resolution / finer
     offset = (scans.start - start) / step
     first = np.rint(offset).astype(int)
+    last = first + finer * (scans.beams - 1)
     fits = (np.abs(offset - first) < _OFF_GRID) & (np.abs(scans.resolution / resolution - 1) * scans.beams < 0.5)
-    if not fits.all():
-        notes.append(f"lidar: {int((~fits).sum())} scans with other beam angles than most left out")
-    first, beams, rows = first[fits], scans.beams[fits], np.flatnonzero(fits)
-    low = int(first.min())
-    high = int((first + finer * (beams - 1)).max())
-    ranges = np.zeros((len(rows), high - low + 1), dtype=np.float32)
+    low, high = int(first[fits].min()), int(last[fits].max())
+    if fits.mean() < 0.5 or (high - low) * step > _TURN + step:
+        angles = _common_grid(scans)
+        fits, first = np.zeros(len(fits), dtype=np.bool_), first * 0
+        notes.append(_resampled_note(scans.beams, len(angles)))
+    else:
+        angles = start + step * np.arange(low, high + 1)
+        if not fits.all():
+            notes.append(f"lidar: {int((~fits).sum())} scans with other beam angles than most are brought to those")
+        if finer > 1:
+            notes.append(f"lidar: scans are interlaced at 1/{finer} of a beam; each fills every {finer}th of all beams")
+        if (scans.beams[fits] != usual).any():
+            counts = " or ".join(str(n) for n in np.unique(scans.beams[fits]))
+            notes.append(f"lidar: scans have {counts} beams; where a scan has no beam it has no return")
+    ranges = np.zeros((len(fits), len(angles)), dtype=np.float32)
+    rows = np.flatnonzero(fits)
     with np.errstate(over="ignore", invalid="ignore"):
-        for (at, count), group in _groups(first, beams):
-            ranges[group, at - low : at - low + finer * count : finer] = [scans.ranges[k] for k in rows[group]]
-    if (beams != usual).any():
-        counts = " or ".join(str(n) for n in np.unique(beams))
-        notes.append(f"lidar: scans have {counts} beams; where a scan has no beam it has no return")
-    if finer > 1:
-        notes.append(f"lidar: scans are interlaced at 1/{finer} of a beam; each fills every {finer}th of all beams")
-    return start + step * np.arange(low, high + 1), ranges, fits
+        for (at, count), group in _groups(first[fits], scans.beams[fits]):
+            ranges[rows[group], at - low : at - low + finer * count : finer] = [scans.ranges[k] for k in rows[group]]
+        for k in np.flatnonzero(~fits):
+            ranges[k] = resample(scans.ranges[k], float(scans.start[k]), float(scans.resolution[k]), angles)
+    return angles, ranges
+
+
+def resample(ranges: Array, start: float, resolution: float, angles: Array) -> Array:
+    """The ranges (B,) of a scan at evenly spaced ``angles`` (B,) rad; 0 where it has no beam nearby.
+
+    Between two beams that hit one surface (their ranges differ by a tenth at most) the range is linear; else it is that
+    of the nearer beam. A scan much coarser than the grid fills only the angle nearest to each of its beams.
+    """
+    step = float(angles[1] - angles[0]) if len(angles) > 1 else resolution
+    if resolution > 1.5 * step:
+        at = np.rint((start - angles[0] + resolution * np.arange(len(ranges))) / step).astype(int)
+        at %= max(round(_TURN / step), len(angles))
+        spread = np.zeros(len(angles))
+        inside = at < len(angles)
+        spread[at[inside]] = ranges[inside]
+        return spread
+    turn = _TURN / resolution
+    if len(ranges) > turn - 0.75:  # all round: after the last beam comes the first
+        ranges = np.append(ranges, ranges[0])
+    position = np.mod((angles - start) / resolution, turn)
+    position = np.where(
+        position > turn - 0.5, np.where(position > len(ranges) - 0.5, position - turn, position), position
+    )
+    nearest = np.clip(np.rint(position), 0, len(ranges) - 1).astype(int)
+    near = np.abs(position - nearest) <= 0.5 + 1e-6
+    before = np.clip(np.floor(position), 0, max(len(ranges) - 2, 0)).astype(int)
+    here, after = ranges[before], ranges[np.minimum(before + 1, len(ranges) - 1)]
+    one_surface = np.abs(after - here) <= _ONE_SURFACE * np.minimum(here, after)
+    share = np.clip(position - before, 0.0, 1.0)
+    return np.where(near, np.where(one_surface, here + share * (after - here), ranges[nearest]), 0.0)
+
+
+def _common_grid(scans: Scans) -> Array:
+    """Angles (B,) in rad at the scans' median resolution over what nine in ten of them see; a whole turn evenly."""
+    step = float(np.median(scans.resolution))
+    low = float(np.quantile(scans.start, 0.05))
+    high = float(np.quantile(scans.start + scans.resolution * (scans.beams - 1), 0.95))
+    if float(np.median(scans.resolution * scans.beams)) > _TURN - step:
+        count = round(_TURN / step)
+        return low + _TURN / count * np.arange(count)
+    return low + step * np.arange(int((high - low) / step + 1e-3) + 1)
+
+
+def _resampled_note(beams: NDArray[np.intp], count: int) -> str:
+    counts = f"{beams.min()} to {beams.max()}" if np.ptp(beams) else f"{beams[0]}"
+    return (
+        f"lidar: scans of {counts} beams at angles that differ from scan to scan; all brought to {count} common angles"
+    )
 
 
 def _finer_grid(offsets: Array) -> int:
@@ -68,5 +126,3 @@ def _finer_grid(offsets: Array) -> int:
 def _groups(first: NDArray[np.intp], beams: NDArray[np.intp]) -> list[tuple[tuple[int, int], NDArray[np.intp]]]:
     pairs, which = np.unique(np.stack([first, beams], axis=1), axis=0, return_inverse=True)
     return [((int(a), int(b)), np.flatnonzero(which.reshape(-1) == k)) for k, (a, b) in enumerate(pairs)]
-
-

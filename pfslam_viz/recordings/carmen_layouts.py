@@ -25,6 +25,7 @@ class Scans:
         laser: the laser's pose.
         robot: the robot's pose by raw odometry.
         on_robot: whether ``laser`` and ``robot`` together say where the laser sits.
+        own_angles: whether the lines give ``start`` and ``resolution``; else they are guessed by the number of beams.
     """
 
     stamps: Array
@@ -36,10 +37,12 @@ class Scans:
     laser: Array
     robot: Array
     on_robot: bool
+    own_angles: bool
 
     def take(self, kept: NDArray[np.intp]) -> "Scans":
         """The scans of the given indices, in their order."""
-        return Scans(
+        return replace(
+            self,
             stamps=self.stamps[kept],
             ranges=[self.ranges[k] for k in kept],
             beams=self.beams[kept],
@@ -48,7 +51,6 @@ class Scans:
             max_range=self.max_range[kept],
             laser=self.laser[kept],
             robot=self.robot[kept],
-            on_robot=self.on_robot,
         )
 
     def at(self, stamps: Array) -> "Scans":
@@ -101,6 +103,7 @@ class FrontLaser:
             laser=tail[:, :3],
             robot=tail[:, -4:-1],
             on_robot=False,
+            own_angles=False,
         )
 
 
@@ -143,14 +146,8 @@ class RobotLaser:
             laser=poses[:, :3],
             robot=poses[:, 3:],
             on_robot=self.tail > 1,
+            own_angles=True,
         )
-
-
-_LAYOUTS: dict[bytes, _FrontLaser | _RobotLaser] = {
-    b"FLASER": _FrontLaser(),
-    b"ROBOTLASER1": _RobotLaser(),
-    b"LASER_READING": _LaserReading(),
-}
 
 
 class RawLaser(RobotLaser):
