@@ -169,12 +169,9 @@ def _choose(messages: Messages, path: Path, notes: list[str]) -> tuple[str, Scan
     if messages.decimal_commas:
         raise InputError(f"{path}: numbers are written with decimal commas (1,5); write them with points")
     if not kinds:
-        has = (
-            "; it has " + ", ".join(f"{n} {kind}" for kind, n in messages.not_read.items()) if messages.not_read else ""
-        )
-        raise InputError(
-            f"{path}: holds no scans (no whole FLASER, ROBOTLASER1, LASER_READING or RAWLASER1 lines{has})"
-        )
+        others = ", ".join(f"{n} {kind}" for kind, n in messages.not_read.items())
+        has = f"; it has {others} lines, which cannot be read" if others else ""
+        raise InputError(f"{path}: holds no scans (no FLASER, ROBOTLASER1, LASER_READING or RAWLASER1 lines{has})")
     best = max(kinds, key=lambda kind: len(kinds[kind].stamps))
     for kind in kinds:
         if kind != best:

@@ -114,9 +114,8 @@ def counter_clockwise(scans: Scans, notes: list[str]) -> Scans:
         clockwise = scans.resolution < 0
     if not clockwise.any():
         return scans
-    notes.append(
-        f"lidar: {_all_or(int(clockwise.sum()), len(clockwise))} scans run clockwise; read from their last beam"
-    )
+    count = "all" if clockwise.all() else str(int(clockwise.sum()))
+    notes.append(f"lidar: {count} scans run clockwise; read from their last beam")
     last = scans.start + scans.resolution * (scans.beams - 1)
     return replace(
         scans,
@@ -153,7 +152,3 @@ def _is_round(step: float) -> bool:
 
 def _is_quarter(width: float) -> bool:
     return abs(math.degrees(width) / 45.0 - round(math.degrees(width) / 45.0)) < 1e-3
-
-
-def _all_or(count: int, total: int) -> str:
-    return "all" if count == total else str(count)

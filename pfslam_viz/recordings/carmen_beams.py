@@ -103,15 +103,15 @@ def _common_grid(scans: Scans) -> Array:
     high = float(np.quantile(scans.start + scans.resolution * (scans.beams - 1), 0.95))
     if float(np.median(scans.resolution * scans.beams)) > _TURN - step:
         count = round(_TURN / step)
-        return low + _TURN / count * np.arange(count)
-    return low + step * np.arange(int((high - low) / step + 1e-3) + 1)
+        step = _TURN / count
+    else:
+        count = int((high - low) / step + 1e-3) + 1
+    return low + step * np.arange(count, dtype=np.float64)
 
 
 def _resampled_note(beams: NDArray[np.intp], count: int) -> str:
     counts = f"{beams.min()} to {beams.max()}" if np.ptp(beams) else f"{beams[0]}"
-    return (
-        f"lidar: scans of {counts} beams at angles that differ from scan to scan; all brought to {count} common angles"
-    )
+    return f"lidar: scans of {counts} beams, at other angles each time; all brought to {count} common angles"
 
 
 def _finer_grid(offsets: Array) -> int:
