@@ -12,6 +12,8 @@ Array = NDArray[np.float64]
 
 # How far, in beams, a scan's first angle may lie off the grid of beam angles: logs round angles to 1e-6 rad.
 _OFF_GRID = 0.02
+# How much farther than half a beam (in beams) still counts as half a beam.
+_EVEN = 1e-6
 _TURN = 2 * math.pi
 # Two neighbouring beams are taken to have hit one surface if their ranges differ by no more than this share.
 _ONE_SURFACE = 0.1
@@ -84,11 +86,10 @@ def resample(ranges: Array, start: float, resolution: float, angles: Array) -> A
     if len(ranges) > turn - 0.75:  # all round: after the last beam comes the first
         ranges = np.append(ranges, ranges[0])
     position = np.mod((angles - start) / resolution, turn)
-    position = np.where(
-        position > turn - 0.5, np.where(position > len(ranges) - 0.5, position - turn, position), position
-    )
+    just_before = (position > turn - 0.5 - _EVEN) & (position > len(ranges) - 0.5)
+    position = np.where(just_before, position - turn, position)
     nearest = np.clip(np.rint(position), 0, len(ranges) - 1).astype(int)
-    near = np.abs(position - nearest) <= 0.5 + 1e-6
+    near = np.abs(position - nearest) <= 0.5 + _EVEN
     before = np.clip(np.floor(position), 0, max(len(ranges) - 2, 0)).astype(int)
     here, after = ranges[before], ranges[np.minimum(before + 1, len(ranges) - 1)]
     one_surface = np.abs(after - here) <= _ONE_SURFACE * np.minimum(here, after)
