@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.errors import InputError
+from pfslam_viz.recordings.beam_grid import has_usable_beams, on_one_grid
 from pfslam_viz.recordings.carmen_angles import (
     counter_clockwise,
     of_laser,
     with_declared_angles,
     with_degrees_mended,
 )
-from pfslam_viz.recordings.carmen_beams import has_usable_beams, on_one_grid
 from pfslam_viz.recordings.carmen_layouts import Scans
 from pfslam_viz.recordings.carmen_lines import REAR, Messages, plain_text, read_messages
 from pfslam_viz.recordings.carmen_mount import mount
@@ -101,13 +101,13 @@ def load(path: Path, name: str | None = None) -> Recording:
     if not scans.own_angles:
         scans = with_declared_angles(scans, messages.parameters, messages.words, kind in REAR, notes)
     scans = counter_clockwise(with_degrees_mended(scans, notes), notes)
-    usable = has_usable_beams(scans)
+    usable = has_usable_beams(scans.start, scans.resolution, scans.beams)
     if not usable.any():
         raise InputError(f"{path}: no scan has usable beam angles")
     if not usable.all():
         notes.append(f"lidar: {int((~usable).sum())} scans with impossible beam angles left out")
         scans, poses = scans.take(np.flatnonzero(usable)), poses[usable]
-    angles, ranges = on_one_grid(scans, notes)
+    angles, ranges = on_one_grid(scans.start, scans.resolution, scans.ranges, notes)
     if bad := int((~np.isfinite(ranges)).sum()):
         notes.append(f"lidar: {bad} ranges that are NaN or infinite taken as no return")
         ranges[~np.isfinite(ranges)] = 0.0

@@ -2,11 +2,10 @@
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-
-from pfslam_viz.recordings.carmen_layouts import Scans
 
 Array = NDArray[np.float64]
 
@@ -19,56 +18,62 @@ _TURN = 2 * math.pi
 _ONE_SURFACE = 0.1
 
 
-def has_usable_beams(scans: Scans) -> NDArray[np.bool_]:
+def has_usable_beams(start: Array, resolution: Array, beams: NDArray[np.intp]) -> NDArray[np.bool_]:
     """Which scans (n,) have beams that go round at most once, from within one turn of straight ahead."""
     turn = _TURN + 0.1
     with np.errstate(invalid="ignore"):
-        span = scans.resolution * (scans.beams - 1)
-        usable: NDArray[np.bool_] = (np.abs(scans.start) < turn) & (scans.resolution > 1e-4) & (span < turn)
+        span = resolution * (beams - 1)
+        usable: NDArray[np.bool_] = (np.abs(start) < turn) & (resolution > 1e-4) & (span < turn)
     return usable
 
 
-def on_one_grid(scans: Scans, notes: list[str]) -> tuple[Array, NDArray[np.float32]]:
-    """One grid of beam angles (B,) and the ranges of all n scans on it (n, B).
+def on_one_grid(
+    starts: Array, resolutions: Array, scans: Sequence[NDArray[np.floating]], notes: list[str]
+) -> tuple[Array, NDArray[np.float32]]:
+    """One grid of beam angles (B,) in rad and the ranges of all n scans on it (n, B).
+
+    Each of the ``scans`` has ranges (beams,) of beams from its first angle ``starts`` (n,) on, ``resolutions`` (n,)
+    apart, both in rad and usable (:func:`has_usable_beams`).
 
     Scans may differ in their number of beams or, interlaced, in their first angle: the grid then has all beams of all
     scans, and a scan has no return (range 0) where it has no beam. A scan that does not fit that grid is resampled
     (:func:`resample`). Where most do not fit, as with lidars that turn a little faster or slower each time, all are
     resampled to a grid of their median resolution.
     """
-    shapes = list(zip(scans.start.tolist(), scans.resolution.tolist(), scans.beams.tolist(), strict=True))
+    beams = np.array([len(ranges) for ranges in scans], dtype=np.intp)
+    shapes = list(zip(starts.tolist(), resolutions.tolist(), beams.tolist(), strict=True))
     (start, resolution, usual), _ = Counter(shapes).most_common(1)[0]
-    finer = _finer_grid((scans.start - start) / resolution)
+    finer = _finer_grid((starts - start) / resolution)
     step = resolution / finer
-    offset = (scans.start - start) / step
+    offset = (starts - start) / step
     first = np.rint(offset).astype(int)
-    last = first + finer * (scans.beams - 1)
-    fits = (np.abs(offset - first) < _OFF_GRID) & (np.abs(scans.resolution / resolution - 1) * scans.beams < 0.5)
+    last = first + finer * (beams - 1)
+    fits = (np.abs(offset - first) < _OFF_GRID) & (np.abs(resolutions / resolution - 1) * beams < 0.5)
     low, high = int(first[fits].min()), int(last[fits].max())
     if fits.mean() < 0.5 or (high - low) * step > _TURN + step:
-        angles = _common_grid(scans)
+        angles = _common_grid(starts, resolutions, beams)
         fits, first = np.zeros(len(fits), dtype=np.bool_), first * 0
-        notes.append(_resampled_note(scans.beams, len(angles)))
+        notes.append(_resampled_note(beams, len(angles)))
     else:
         angles = start + step * np.arange(low, high + 1)
         if not fits.all():
             notes.append(f"lidar: {int((~fits).sum())} scans with other beam angles than most are brought to those")
         if finer > 1:
             notes.append(f"lidar: scans are interlaced at 1/{finer} of a beam; each fills every {finer}th of all beams")
-        if (scans.beams[fits] != usual).any():
-            counts = " or ".join(str(n) for n in np.unique(scans.beams[fits]))
+        if (beams[fits] != usual).any():
+            counts = " or ".join(str(n) for n in np.unique(beams[fits]))
             notes.append(f"lidar: scans have {counts} beams; where a scan has no beam it has no return")
     ranges = np.zeros((len(fits), len(angles)), dtype=np.float32)
     rows = np.flatnonzero(fits)
     with np.errstate(over="ignore", invalid="ignore"):
-        for (at, count), group in _groups(first[fits], scans.beams[fits]):
-            ranges[rows[group], at - low : at - low + finer * count : finer] = [scans.ranges[k] for k in rows[group]]
-        for k in np.flatnonzero(~fits):
-            ranges[k] = resample(scans.ranges[k], float(scans.start[k]), float(scans.resolution[k]), angles)
+        for (at, count), group in _groups(first[fits], beams[fits]):
+            ranges[rows[group], at - low : at - low + finer * count : finer] = [scans[k] for k in rows[group].tolist()]
+        for k in np.flatnonzero(~fits).tolist():
+            ranges[k] = resample(scans[k], float(starts[k]), float(resolutions[k]), angles)
     return angles, ranges
 
 
-def resample(ranges: Array, start: float, resolution: float, angles: Array) -> Array:
+def resample(ranges: NDArray[np.floating], start: float, resolution: float, angles: Array) -> Array:
     """The ranges (B,) of a scan at evenly spaced ``angles`` (B,) rad; 0 where it has no beam nearby.
 
     Between two beams that hit one surface (their ranges differ by a tenth at most) the range is linear; else it is that
@@ -97,12 +102,12 @@ def resample(ranges: Array, start: float, resolution: float, angles: Array) -> A
     return np.where(near, np.where(one_surface, here + share * (after - here), ranges[nearest]), 0.0)
 
 
-def _common_grid(scans: Scans) -> Array:
+def _common_grid(starts: Array, resolutions: Array, beams: NDArray[np.intp]) -> Array:
     """Angles (B,) in rad at the scans' median resolution over what nine in ten of them see; a whole turn evenly."""
-    step = float(np.median(scans.resolution))
-    low = float(np.quantile(scans.start, 0.05))
-    high = float(np.quantile(scans.start + scans.resolution * (scans.beams - 1), 0.95))
-    if float(np.median(scans.resolution * scans.beams)) > _TURN - step:
+    step = float(np.median(resolutions))
+    low = float(np.quantile(starts, 0.05))
+    high = float(np.quantile(starts + resolutions * (beams - 1), 0.95))
+    if float(np.median(resolutions * beams)) > _TURN - step:
         count = round(_TURN / step)
         step = _TURN / count
     else:
