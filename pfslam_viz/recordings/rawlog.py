@@ -215,4 +215,5 @@ def _mount(scans: Sequence[Scan], notes: list[str]) -> Array:
     place[2] = float(geometry.wrap(poses[0, 2] + np.median(turn)))
     if np.ptp(poses[:, :2], axis=0).max() > 0.02 or np.ptp(turn) > 0.02:
         notes.append("lidar: its place on the robot differs from scan to scan; the median is taken")
-    return np.round(place, 6) + 0.0
+    rounded: Array = np.round(place, 6) + 0.0
+    return rounded

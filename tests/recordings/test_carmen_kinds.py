@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from pfslam_viz import geometry
 from pfslam_viz.errors import InputError
 from pfslam_viz.recordings import carmen
-from pfslam_viz.recordings.carmen_angles import declared_grid
 from pfslam_viz.recordings.beam_grid import resample
+from pfslam_viz.recordings.carmen_angles import declared_grid
 from pfslam_viz.recordings.carmen_stamps import wrap_period
 
 Array = NDArray[np.float64]
