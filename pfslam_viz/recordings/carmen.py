@@ -43,6 +43,8 @@ _MESSAGE = re.compile(
 # SICK LMS scanners, which nearly all of these logs come from, say "no return" by error codes of 81.83 to 81.91 m.
 _LMS_ERROR_CODES = (81.8, 82.0)
 _LMS_RANGE = 80.0
+# What PARAM lines call the range in m from which on a reading is none, behind the laser's name.
+_MAX_RANGE = ("max", "max_range", "maximum_range", "range_max")
 # A reading nearer than this (m) is the scanner's own error code, or its window.
 _RANGE_MIN = 0.05
 
@@ -235,7 +237,11 @@ def _range_max(ranges: NDArray[np.float32], scans: Scans, parameters: dict[str, 
     all readings within 5 % below it), it is no return, and the limit lies just under it.
     """
     declared = scans.max_range[np.isfinite(scans.max_range) & (scans.max_range > 0)]
-    limit = float(np.median(declared)) if len(declared) else parameters.get("max", 0.0)
+    limit = (
+        float(np.median(declared))
+        if len(declared)
+        else next((parameters[key] for key in _MAX_RANGE if key in parameters), 0.0)
+    )
     if limit <= 0 or _LMS_ERROR_CODES[0] <= limit <= _LMS_ERROR_CODES[1]:
         limit = _LMS_RANGE
     measured = ranges[(ranges >= _RANGE_MIN) & (ranges <= limit)]

@@ -14,16 +14,8 @@ from numpy.typing import NDArray
 from pfslam_viz import geometry
 from pfslam_viz.errors import InputError
 from pfslam_viz.recordings.beam_grid import has_usable_beams, on_one_grid
-from pfslam_viz.recordings.rawlog_objects import (
-    Collection,
-    Malformed,
-    Movement,
-    Odometry,
-    Scan,
-    first_class,
-    other_classes,
-    read_objects,
-)
+from pfslam_viz.recordings.rawlog_bytes import Malformed, first_class
+from pfslam_viz.recordings.rawlog_objects import Collection, Movement, Odometry, Scan, other_classes, read_objects
 from pfslam_viz.recordings.recording import Lidar, Recording, Stream
 from pfslam_viz.recordings.stamps import order, spread_repeats
 

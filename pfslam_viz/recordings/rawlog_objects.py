@@ -1,15 +1,12 @@
 """Objects of MRPT's binary serialisation: laser scans, odometry and movements out of a ``.rawlog``.
 
-An object is its class's name behind a length byte with the top bit set (before MRPT 0.5.5 a 32-bit length), a version,
-its fields in little-endian order, and the byte 0x88. Nothing says how long it is, so objects of unknown classes cannot
-be stepped over: the bytes are searched for the headers of the classes that are wanted instead, wherever they stand, and
-an object counts only if it is whole up to its end byte. Layouts by the serializeFrom functions of MRPT 2 (module
-mrpt_obs), which read all versions there have been.
+Nothing says how long an object is, so those of unknown classes cannot be stepped over: the bytes are searched for the
+headers of the classes that are wanted instead, wherever they stand, and an object counts only if it is whole up to its
+end byte. Layouts by the serializeFrom functions of MRPT 2 (module mrpt_obs), which read all versions there have been.
 """
 
 import math
 import re
-import struct
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -17,22 +14,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pfslam_viz.recordings.rawlog_bytes import Bytes, Malformed, matrix, pose_2d, pose_3d
+
 Array = NDArray[np.float64]
 
-_END = 0x88
-# 100 ns ticks from 1601-01-01 to 1970-01-01.
-_TICKS_TO_1970 = 116_444_736_000_000_000
-_NAME = rb"(?:mrpt::\w{1,20}::)?C[A-Z]\w{2,60}"
-_HEADER = re.compile(rb"([\x80-\xff]|[\x01-\x7f]\0\0\0)(" + _NAME + rb")")
 _WANTED = re.compile(
     rb"([\x80-\xff]|[\x01-\x7f]\0\0\0)((?:mrpt::obs::)?"
     rb"(?:CObservation2DRangeScan|CObservationOdometry|CActionRobotMovement2D|CActionCollection))"
 )
 _ODOMETRY_METHOD = 0
-
-
-class Malformed(Exception):
-    """The bytes are no such object, or one of a version that is not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,64 +65,6 @@ class Collection:
     """The beginning of a collection of movements, alternatives for one and the same step."""
 
 
-class Bytes:
-    """A place in the data, from which values are taken one after the other."""
-
-    def __init__(self, data: bytes, at: int) -> None:
-        self.data = data
-        self.at = at
-
-    def take(self, layout: str) -> tuple[float, ...]:
-        """Numbers by a layout of :mod:`struct`, little-endian."""
-        try:
-            values = struct.unpack_from("<" + layout, self.data, self.at)
-        except struct.error:
-            raise Malformed("cut short") from None
-        self.at += struct.calcsize("<" + layout)
-        return values
-
-    def whole(self, layout: str = "I") -> int:
-        """One whole number."""
-        return int(self.take(layout)[0])
-
-    def array(self, count: int, kind: str) -> NDArray[np.generic]:
-        """``count`` numbers of a NumPy type."""
-        size = np.dtype(kind).itemsize * count
-        if self.at + size > len(self.data):
-            raise Malformed("cut short")
-        values = np.frombuffer(self.data, dtype=kind, count=count, offset=self.at)
-        self.at += size
-        return values
-
-    def text(self) -> str:
-        """A string behind its length."""
-        size = self.whole()
-        if size > 4096:
-            raise Malformed("no text")
-        return bytes(self.array(size, "u1")).decode(errors="replace")
-
-    def stamp(self) -> float | None:
-        """A time in s since 1970, None for MRPT's invalid one."""
-        ticks = self.whole("Q")
-        return (ticks - _TICKS_TO_1970) / 1e7 if ticks > _TICKS_TO_1970 // 1000 else None
-
-    def header(self) -> tuple[str, int, bool]:
-        """An object's class without namespace, version, and whether an end byte follows it."""
-        match = _HEADER.match(self.data, self.at)
-        if match is None or match[1][0] & 0x7F > len(match[2]):
-            raise Malformed("no object")
-        old = len(match[1]) == 4
-        name = match[2][: match[1][0] & 0x7F]
-        self.at = match.start(2) + len(name)
-        version = self.whole("i") if old else self.whole("B")
-        return name.decode().rpartition("::")[2], version, not old
-
-    def end(self, has_end: bool) -> None:
-        """The end byte of an object."""
-        if has_end and self.whole("B") != _END:
-            raise Malformed("no end")
-
-
 def read_objects(data: bytes) -> Iterator[Scan | Odometry | Movement | Collection | Malformed]:
     """The wanted objects in the order of the file; a Malformed for each that is broken or of an unknown version."""
     at = 0
@@ -165,23 +97,13 @@ def other_classes(data: bytes) -> Counter[str]:
     return Counter(name for name in names if name not in _READERS and name != "CObservationComment")
 
 
-def first_class(data: bytes) -> str | None:
-    """The class of the object that the data begin with, None if they do not begin with one."""
-    source = Bytes(data, 0)
-    try:
-        name, version, _ = source.header()
-    except Malformed:
-        return None
-    return name if 0 <= version < 50 else None
-
-
 def _scan(source: Bytes, version: int) -> Scan:
     if not 0 <= version <= 8:
         raise Malformed("version")
     aperture, counter_clockwise, max_range = source.take("fBf")
-    x, y, z, rotation = _pose_3d(source)
+    x, y, z, rotation = pose_3d(source)
     if version < 6:
-        _matrix(source)
+        matrix(source)
     count = source.whole()
     if not 0 < count <= 100_000 or not 0 < aperture <= 2 * math.pi + 0.1:
         raise Malformed("beams")
@@ -213,7 +135,7 @@ def _scan(source: Bytes, version: int) -> Scan:
 def _odometry(source: Bytes, version: int) -> Odometry:
     if not 0 <= version <= 2:
         raise Malformed("version")
-    pose = _pose_2d(source)
+    pose = pose_2d(source)
     source.text()
     stamp = source.stamp()
     if version >= 1:
@@ -233,7 +155,7 @@ def _movement(source: Bytes, version: int) -> Movement:
         increment = _pose_density(source)
         method = source.whole()
     elif (method := source.whole()) == _ODOMETRY_METHOD:
-        increment = _pose_2d(source)
+        increment = pose_2d(source)
         # The motion model's settings: model, Gaussian, number of particles, the particles' own.
         source.take({2: "44x", 3: "i5fi4f", 4: "i6fi4f"}.get(version, "i6fi6f"))
     else:
@@ -250,65 +172,13 @@ def _movement(source: Bytes, version: int) -> Movement:
     return Movement(increment, method == _ODOMETRY_METHOD)
 
 
-def _pose_2d(source: Bytes) -> Array:
-    name, version, has_end = source.header()
-    if name != "CPose2D" or version not in (0, 1):
-        raise Malformed("no CPose2D")
-    pose = np.array(source.take("fff" if version == 0 else "ddd"))
-    source.end(has_end)
-    if not np.isfinite(pose).all():
-        raise Malformed("not finite")
-    return pose
-
-
-def _pose_3d(source: Bytes) -> tuple[float, float, float, Array]:
-    """Position and rotation matrix (3, 3)."""
-    name, version, has_end = source.header()
-    if name != "CPose3D" or not 0 <= version <= 3:
-        raise Malformed("no CPose3D")
-    if version < 2:
-        matrix = _matrix(source)
-        if matrix.shape != (4, 4):
-            raise Malformed("no pose")
-        x, y, z = matrix[:3, 3]
-        rotation = matrix[:3, :3]
-    elif version == 2:
-        x, y, z, w, i, j, k = source.take("7d")
-        rotation = np.array(
-            [
-                [w * w + i * i - j * j - k * k, 2 * (i * j - w * k), 2 * (i * k + w * j)],
-                [2 * (i * j + w * k), w * w - i * i + j * j - k * k, 2 * (j * k - w * i)],
-                [2 * (i * k - w * j), 2 * (j * k + w * i), w * w - i * i - j * j + k * k],
-            ]
-        )
-    else:
-        x, y, z, *rest = source.take("12d")
-        rotation = np.array(rest).reshape(3, 3)
-    source.end(has_end)
-    if not np.isfinite([x, y, z]).all() or not np.isfinite(rotation).all():
-        raise Malformed("not finite")
-    return float(x), float(y), float(z), rotation
-
-
-def _matrix(source: Bytes) -> Array:
-    name, _, has_end = source.header()
-    if not name.startswith("CMatrix"):
-        raise Malformed("no matrix")
-    rows, columns = source.whole(), source.whole()
-    if rows > 64 or columns > 64:
-        raise Malformed("no matrix")
-    values = source.array(rows * columns, "<f8" if name.startswith("CMatrixD") else "<f4")
-    source.end(has_end)
-    return values.astype(np.float64).reshape(rows, columns)
-
-
 def _pose_density(source: Bytes) -> Array:
     """The mean of a Gaussian over poses."""
     name, version, has_end = source.header()
     if name == "CPosePDFGaussian" and version <= 2:
-        mean = _pose_2d(source)
+        mean = pose_2d(source)
         if version == 0:
-            _matrix(source)
+            matrix(source)
         else:
             source.take("6f" if version == 1 else "6d")
     elif name == "CPosePDFGaussianInf" and version == 0:
