@@ -119,6 +119,7 @@ def test_param_that_differs_from_the_usual_is_said(tmp_path: Path) -> None:
         (181, None, math.pi, (-90, 1.0)),
         (360, None, 2 * math.pi, (-180, 1.0)),
         (720, 0.5, 360.0, (-180, 0.5)),
+        (450, None, 6.28, (-180, 0.8)),  # a whole turn, written roughly
         (271, -1.0, 270.0, (135, -1.0)),
         (271, 1.0, 180.0, (-135, 1.0)),  # contradictory: the resolution counts
     ],
@@ -227,6 +228,19 @@ def test_stamps_of_a_32_bit_counter(tmp_path: Path, ticks_per_second: float, sig
     np.testing.assert_allclose(recording.stamps, true, atol=1e-6)
     np.testing.assert_allclose(recording.streams[1].stamps, true, atol=1e-6)
     assert any("as a 32-bit counter does" in note for note in recording.notes)
+
+
+def test_odometry_that_is_logged_from_the_wrap_on_keeps_up_with_the_scans(tmp_path: Path) -> None:
+    period = 2.0**32 / 1e3
+    true = period - 5.5 + np.arange(12.0)
+    lines = []
+    for pose, stamp in zip(drive(), true, strict=True):
+        lines.append(flaser(cast(pose, HALF_TURN), pose * 0, pose * 0, stamp % period))
+        if stamp > period:
+            lines.append(f"ODOM {numbers(pose)} 0 0 0 {stamp % period:f} host 0")
+    recording = carmen.load(write(tmp_path / "x.log", *lines))
+    np.testing.assert_allclose(recording.streams[1].stamps, true[6:], atol=1e-6)
+    np.testing.assert_allclose(recording.dead_reckoning()[-1], geometry.between(drive()[6], drive()[-1]), atol=1e-5)
 
 
 def test_stamps_that_only_run_backwards_are_no_counter() -> None:
