@@ -56,7 +56,9 @@ def recording() -> Recording:
 
 def test_writes_the_papers_figures_in_its_order(recording: Recording, tmp_path: Path) -> None:
     seen = []
-    files = write_figures(recording, PaperConfig(particles=20), tmp_path / "out", 15, lambda step: seen.append(step.index))
+    files = write_figures(
+        recording, PaperConfig(particles=20), tmp_path / "out", 15, lambda step: seen.append(step.index)
+    )
     names = ["01_dead_reckoning.png", "02_particle_filter.png", "04_map_00015.png", "04_map_00030.png", "index.html"]
     assert [file.name for file in files] == names
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == names
