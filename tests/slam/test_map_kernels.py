@@ -11,6 +11,7 @@ from pfslam_viz.slam import map_kernels
 
 Array = NDArray[np.float64]
 Cell = tuple[int, int]
+Layers = tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint8]]
 
 ORIGIN = (23, 17)
 CELL = 0.1
@@ -180,13 +181,13 @@ def test_add_scans_stops_at_the_first_that_does_not_fit() -> None:
     sensors, sizes = rng.uniform(-0.2, 0.2, (5, 2)), [40, 0, 60, 30, 50]
     scans = [rng.uniform(-1, 1, (size, 2)) for size in sizes]
     scans[3] *= 30.0
-    first, numbers = np.cumsum([0, *sizes]), [np.float32(v) for v in (1.4, 0.9, 100.0, 0.0)]
+    first = np.cumsum([0, *sizes])
 
-    def layers() -> list[np.ndarray]:
-        return [np.zeros(SHAPE, np.float32), np.zeros(SHAPE, np.uint8), np.zeros(SHAPE, np.uint8)]
+    def layers() -> Layers:
+        return (np.zeros(SHAPE, np.float32), np.zeros(SHAPE, np.uint8), np.zeros(SHAPE, np.uint8))
 
     together, one_by_one = layers(), layers()
-    place = (*ORIGIN, CELL, *numbers)
+    place = (*ORIGIN, CELL, np.float32(1.4), np.float32(0.9), np.float32(100.0), np.float32(0.0))
     done, extent = map_kernels.add_scans(poses, np.vstack(scans), first, sensors, 0, *together, 20, *place)
     for k in range(4):
         inside, expected, _ = map_kernels.add_scan(poses[k], scans[k], sensors[k], *one_by_one, k + 1, *place)
