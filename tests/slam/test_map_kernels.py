@@ -1,6 +1,7 @@
 """The kernels that write scans, against a plain NumPy twin that draws every line on random input."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -184,18 +185,21 @@ def test_add_scans_stops_at_the_first_that_does_not_fit() -> None:
     first = np.cumsum([0, *sizes])
 
     def layers() -> Layers:
-        return (np.zeros(SHAPE, np.float32), np.zeros(SHAPE, np.uint8), np.zeros(SHAPE, np.uint8))
+        return np.zeros(SHAPE, np.float32), np.zeros(SHAPE, np.uint8), np.zeros(SHAPE, np.uint8)
 
-    together, one_by_one = layers(), layers()
-    place = (*ORIGIN, CELL, np.float32(1.4), np.float32(0.9), np.float32(100.0), np.float32(0.0))
-    done, extent = map_kernels.add_scans(poses, np.vstack(scans), first, sensors, 0, *together, 20, *place)
+    log_odds, occupied, touched = together = layers()
+    one_by_one = layers()
+    place: tuple[Any, ...] = (*ORIGIN, CELL, np.float32(1.4), np.float32(0.9), np.float32(100.0), np.float32(0.0))
+    done, extent = map_kernels.add_scans(
+        poses, np.vstack(scans), first, sensors, 0, log_odds, occupied, touched, 20, *place
+    )
     for k in range(4):
         inside, expected, _ = map_kernels.add_scan(poses[k], scans[k], sensors[k], *one_by_one, k + 1, *place)
         assert inside == (k < 3)
     assert done == 3 and extent.tolist() == expected.tolist()
     for a, b in zip(together[:2], one_by_one[:2], strict=True):
         np.testing.assert_array_equal(a, b)
-    done, _ = map_kernels.add_scans(poses, np.vstack(scans), first, sensors, 4, *together, 30, *place)
+    done, _ = map_kernels.add_scans(poses, np.vstack(scans), first, sensors, 4, log_odds, occupied, touched, 30, *place)
     map_kernels.add_scan(poses[4], scans[4], sensors[4], *one_by_one, 40, *place)
     assert done == 5
     np.testing.assert_array_equal(together[0], one_by_one[0])
