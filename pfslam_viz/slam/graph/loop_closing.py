@@ -204,6 +204,7 @@ def _agreed(
     correction = geometry.compose(to, geometry.between(poses[end], np.zeros(3)))
     predicted = geometry.compose(correction[:, None], poses[end][None])
     missed = geometry.between(predicted, np.broadcast_to(to[None], predicted.shape))
-    same = np.hypot(missed[..., 0], missed[..., 1]) < config.confirm_distance
+    same: NDArray[np.bool_] = np.hypot(missed[..., 0], missed[..., 1]) < config.confirm_distance
     same &= np.abs(missed[..., 2]) < config.confirm_angle
-    return (near & same).any(axis=1)
+    confirmed: NDArray[np.bool_] = (near & same).any(axis=1)
+    return confirmed

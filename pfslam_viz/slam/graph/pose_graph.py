@@ -59,9 +59,10 @@ class Constraints:
 def turned(information: NDArray[Any], heading: Array | float) -> Array:
     """Information (..., 3, 3) on a pose, brought from the axes of its reference to its own, at ``heading`` rad."""
     c, s = np.cos(heading), np.sin(heading)
-    r = np.zeros((*np.shape(heading), 3, 3))
+    r: Array = np.zeros((*np.shape(heading), 3, 3))
     r[..., 0, 0], r[..., 0, 1], r[..., 1, 0], r[..., 1, 1], r[..., 2, 2] = c, -s, s, c, 1.0
-    return np.swapaxes(r, -1, -2) @ information @ r
+    own: Array = np.swapaxes(r, -1, -2) @ information @ r
+    return own
 
 
 def residuals(poses: Array, constraints: Constraints) -> Array:

@@ -32,7 +32,7 @@ def _log_posterior(
     c, s = math.cos(guess[2]), math.sin(guess[2])
     dx, dy = x - guess[0], y - guess[1]
     a, b, t = c * dx + s * dy, c * dy - s * dx, heading - guess[2]
-    square = prior[0, 0] * a * a + prior[1, 1] * b * b + prior[2, 2] * t * t
+    square: float = prior[0, 0] * a * a + prior[1, 1] * b * b + prior[2, 2] * t * t
     square += 2.0 * (prior[0, 1] * a * b + prior[0, 2] * a * t + prior[1, 2] * b * t)
     return temper * agreement(table, field, origin, cell, points, x, y, heading) - 0.5 * square
 

@@ -66,11 +66,11 @@ def _own(
     column: int,
 ) -> int:
     """The tile at a place of one map, made its own if it is shared."""
-    tile = table[row, column]
+    tile: int = table[row, column]
     if tile != 0 and references[tile] == 1:
         return tile
     count[0] -= 1
-    new = free[count[0]]
+    new: int = free[count[0]]
     log_odds[new] = log_odds[tile]
     field[new] = field[tile]
     references[tile] -= 1

@@ -64,7 +64,8 @@ def steps_of(poses: Array) -> Array:
 def drifting(steps: Array, rng: np.random.Generator, scale: float = 1.02, turn: float = 0.002) -> Array:
     """Odometry whose wheels are ``scale`` too large and whose heading drifts by ``turn`` rad a step."""
     moved = np.hypot(steps[:, 0], steps[:, 1])[:, None] > 0
-    return steps * [scale, scale, 1.0] + moved * [0.0, 0.0, turn] + moved * rng.normal(0, 0.002, steps.shape)
+    drifted: Array = steps * [scale, scale, 1.0] + moved * [0.0, 0.0, turn]
+    return drifted + moved * rng.normal(0, 0.002, steps.shape)
 
 
 def rms(poses: Array, truth: Array) -> tuple[float, float]:
