@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from pfslam_viz.config import Config
 from pfslam_viz.recordings.recording import Recording
-from pfslam_viz.slam.observation import ScanReader
+from pfslam_viz.slam.paper.settings import PaperConfig
+from pfslam_viz.slam.scan_reader import ScanReader
 
 Array = NDArray[np.float64]
 
@@ -39,7 +40,8 @@ class LiteralMap:
     def correlation(self, x: Array, y: Array) -> Array:
         """(26) for the end points (N, m) of every particle."""
         row, column = self.cells(x, y)
-        return self.occupied[row, column].sum(axis=1, dtype=np.float64)
+        correlation: Array = self.occupied[row, column].sum(axis=1, dtype=np.float64)
+        return correlation
 
     def add(self, pose: Array, points: Array, origin: Array) -> None:
         """(28): free along the rays by Bresenham's line, occupied at their ends, each cell once a scan."""
@@ -72,7 +74,7 @@ def world(pose: Array, points: Array) -> tuple[Array, Array]:
 class LiteralFilter:
     """Algorithm 1 over a recording, with dead reckoning and its map beside it."""
 
-    def __init__(self, recording: Recording, config: Config) -> None:
+    def __init__(self, recording: Recording, config: PaperConfig) -> None:
         self.recording, self.config = recording, config
         self.rng = np.random.default_rng(config.seed)
         self.particles = np.zeros((config.particles, 3))
@@ -87,7 +89,7 @@ class LiteralFilter:
         reader = ScanReader.of(self.recording.lidar, self.config.observation)
         for k in range(len(self.recording)):
             scan = reader.read(k, float(self.recording.stamps[k]), self.recording.ranges[k])
-            points, origin = scan.points, scan.origin
+            points, origin = scan.points, scan.lidar_position
             marks = [perf_counter()]
             if k > 0:
                 self.predict(self.recording.odometry[k])

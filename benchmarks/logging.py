@@ -59,7 +59,7 @@ def run(case: Case, way: str) -> None:
     ):
         stream = replay_stream(recording, config, sink)
         if way == "thread":
-            stream._drawing = ThreadedDrawing(stream._drawing, thread)
+            stream._drawing = ThreadedDrawing(stream._drawing, thread)  # type: ignore[assignment]
         replay = Replay(recording, config)
         for step in replay:
             stream.log(step)

@@ -1,24 +1,20 @@
-"""What a run shows in the terminal: a line while kernels are compiled, a progress bar, and the table at the end."""
+"""What is shown in the terminal while a command runs: remarks, a status line, a progress bar; and where results go.
 
-import math
+It knows no filter: what is in the tables is in ``commands/``.
+"""
+
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
-from pathlib import Path
 from types import TracebackType
-from typing import Any
 
-from rich.console import Console, Group, RenderableType
+from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
-from rich.table import Column, Table
+from rich.table import Column
 from rich.text import Text
 
-from pfslam_viz import geometry
-from pfslam_viz.replay import PHASES, Result
-
 PIPE_WIDTH = 120  # columns, where there is no terminal to ask
-COMPILING = "compiling kernels (first run on this machine)"
 
 
 @cache
@@ -40,53 +36,6 @@ def results(to_stderr: bool = False) -> Console:
     if to_stderr:
         return messages()
     return Console(highlight=False, width=None if sys.stdout.isatty() else PIPE_WIDTH)
-
-
-def load_kernels(quiet: bool = False) -> None:
-    """Compile the filter's kernels, or load them from the cache of an earlier run."""
-    with status("loading kernels", quiet), announce_compiling(quiet), _without_blas():
-        from pfslam_viz.slam.warm_up import warm_up
-
-        warm_up()
-
-
-@contextmanager
-def _without_blas() -> Iterator[None]:
-    """Spare the import of SciPy's linear algebra, 0.3 s.
-
-    numba asks for it when the first kernel is loaded, for ``np.correlate`` in kernels alone; none here calls that.
-    """
-    name = "scipy.linalg.cython_blas"
-    if name in sys.modules:
-        yield
-        return
-    sys.modules[name] = None  # type: ignore[assignment]  # an import of it raises ImportError
-    try:
-        yield
-    finally:
-        del sys.modules[name]
-
-
-@contextmanager
-def announce_compiling(quiet: bool = False) -> Iterator[None]:
-    """Say so, once, if numba has to compile: only the first run on a machine does, and it takes a while."""
-    from numba.core import event
-
-    class Listener(event.Listener):
-        def on_start(self, event: Any) -> None:
-            if not quiet:
-                _say_compiling()
-
-        def on_end(self, event: Any) -> None:
-            pass
-
-    with event.install_listener("numba:compile", Listener()):
-        yield
-
-
-@cache
-def _say_compiling() -> None:
-    tell(COMPILING)
 
 
 @contextmanager
@@ -128,11 +77,9 @@ class ReplayProgress:
             refresh_per_second=5,
             disable=quiet,
         )
-        self._compiling = announce_compiling(quiet)
         self._task = self._progress.add_task(label, total=scans, seconds_per_scan=duration / max(scans, 1))
 
     def __enter__(self) -> "ReplayProgress":
-        self._compiling.__enter__()
         self._progress.start()
         return self
 
@@ -140,7 +87,6 @@ class ReplayProgress:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._progress.stop()
-        self._compiling.__exit__(kind, error, trace)
 
     def advance(self, scans: int = 1) -> None:
         """So many scans more are done."""
@@ -149,100 +95,3 @@ class ReplayProgress:
     def show(self, label: str, done: int, total: int) -> None:
         """``done`` of ``total`` scans are done, and ``label`` says what is run now."""
         self._progress.update(self._task, description=label, completed=done, total=total)
-
-
-def summary(
-    result: Result,
-    seconds: float,
-    log_seconds: float = 0.0,
-    file: Path | None = None,
-    left_out: Sequence[str] = (),
-) -> Group:
-    """What is shown at the end of a run: the two trajectories side by side, then the run itself.
-
-    ``seconds`` the whole run took, ``log_seconds`` of them for sending it to Rerun; ``file`` is the .rrd that was
-    written; ``left_out`` says what is not in it, a phrase each.
-    """
-    config = result.config
-    title = f"{result.recording.name}, {config.name}: {len(result.stamps):,} scans, {config.particles:,} particles"
-    paths = _trajectories(f"{title}, seed {config.seed}", {"particle filter": result})
-    run = Table(box=None, show_header=False, pad_edge=False)
-    run.add_column(style="dim")
-    run.add_column()
-    for name, text in _run(result, seconds, log_seconds):
-        run.add_row(name, text)
-    if result.interrupted:
-        run.add_row("interrupted", f"after {len(result.stamps):,} of {len(result.recording):,} scans")
-    if file is not None:
-        run.add_row("recording", f"{file.name}, {file.stat().st_size / 1e6:.1f} MB")
-    for phrase in left_out:
-        run.add_row("left out", phrase)
-    return Group(paths, run)
-
-
-def comparison(results: Sequence[Result], seconds: float, file: Path | None = None) -> Group:
-    """The same for several runs over one recording, a column for each; ``seconds`` they took together."""
-    first = results[0]
-    title = f"{first.recording.name}: {len(first.stamps):,} of {len(first.recording):,} scans, {seconds:.1f} s in all"
-    parts: list[RenderableType] = [_trajectories(title, {result.config.name: result for result in results})]
-    if file is not None:
-        parts.append(Text(f"recording  {file.name}, {file.stat().st_size / 1e6:.1f} MB"))
-    return Group(*parts)
-
-
-def _trajectories(title: str, results: Mapping[str, Result]) -> Table:
-    """A column for each result, by name, and dead reckoning's."""
-    table = Table(title=Text(title), title_justify="left")
-    table.add_column()
-    for name in results:
-        table.add_column(Text(name), justify="right")
-    table.add_column("dead reckoning", justify="right", style="dim")
-    for rows in zip(*(_accuracy(result) for result in results.values()), strict=True):
-        name, _, reckoned = rows[0]
-        table.add_row(name, *(estimated for _, estimated, _ in rows), reckoned)
-    return table
-
-
-def _accuracy(result: Result) -> Iterator[tuple[str, str, str]]:
-    """Rows about the two trajectories: name, the filter's value, dead reckoning's."""
-    from pfslam_viz.evaluation.relations import relation_errors
-    from pfslam_viz.evaluation.trajectory_error import trajectory_error
-
-    paths = result.estimate, result.dead_reckoning
-    if len(result.stamps) == 0:
-        return
-    length, gap = ([f"{f(p):.2f} m" for p in paths] for f in (geometry.path_length, _gap))
-    yield "path length", length[0], length[1]
-    yield "end-to-start gap", gap[0], gap[1]
-    if result.truth is not None:
-        errors = [trajectory_error(result.truth, p) for p in paths]
-        rmse = [f"{e.position_rmse:.3f} m, {e.heading_rmse:.2f}°" for e in errors]
-        worst = [f"{e.position_max:.3f} m, {e.heading_max:.2f}°" for e in errors]
-        yield "error against truth, rmse", rmse[0], rmse[1]
-        yield "error against truth, worst", worst[0], worst[1]
-    if result.recording.relations is not None:
-        relations = [relation_errors(result.recording.relations, result.stamps, p) for p in paths]
-        mean = [
-            "no relation in these scans" if r is None else f"{r.translation.mean:.3f} m, {r.rotation.mean:.2f}°"
-            for r in relations
-        ]
-        yield "error of relations, mean", mean[0], mean[1]
-
-
-def _gap(poses: geometry.Array) -> float:
-    x, y = poses[-1, :2] - poses[0, :2]
-    return math.hypot(x, y)
-
-
-def _run(result: Result, seconds: float, log_seconds: float) -> Iterator[tuple[str, str]]:
-    """Rows about the run: name and value."""
-    n = len(result.stamps)
-    if n == 0:
-        return
-    recorded = float(result.stamps[-1] - result.stamps[0])
-    yield "time", f"{seconds:.1f} s, {n / seconds:,.0f} scans/s, {recorded / seconds:.1f}x real time"
-    spent = {phase.replace("_", " "): float(result.seconds[phase].sum()) for phase in PHASES} | {"log": log_seconds}
-    yield "ms a scan", ", ".join(f"{name} {1e3 * total / n:.2f}" for name, total in spent.items() if total > 0)
-    yield "resampled", f"after {result.resamplings:,} of {n:,} scans"
-    if result.uninformative:
-        yield "no match", f"{result.uninformative:,} of {n:,} scans had no correlation with the map"

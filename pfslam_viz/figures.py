@@ -2,62 +2,37 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from pfslam_viz.config import Config
 from pfslam_viz.errors import InputError
+from pfslam_viz.figures_layers import (
+    DEAD_RECKONING,
+    FILTER,
+    TRUTH,
+    Array,
+    Image,
+    Layer,
+    Path2D,
+    grid_layer,
+    map_limits,
+    texture_layer,
+)
 from pfslam_viz.figures_page import Figure, write_page
 from pfslam_viz.files import replaced
-from pfslam_viz.plot import WHITE, Color, Image, Key, Limits, Plot
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.replay import Replay, Result
-from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.step import Step
 
 if TYPE_CHECKING:
     from pfslam_viz.texture import FloorTexture
 
-Array = NDArray[np.float64]
-
-# The viewer's colours, which colour-blind people tell apart.
-DEAD_RECKONING: Color = (213, 94, 0)
-FILTER: Color = (0, 114, 220)
-TRUTH: Color = (0, 158, 115)
-PARTICLES: Color = (204, 40, 140)
-UNKNOWN: Color = (206, 210, 216)
-WALL: Color = (28, 30, 36)
-WALL_BY_TEXTURE: Color = (120, 126, 136)
 MOST_PARTICLES = 500  # drawn
-STRAY = 0.2  # % of wall cells on each side that may lie outside the picture: single beams out of a window
-
-
-@dataclass(frozen=True, slots=True)
-class Layer:
-    """Cells cut to what is known.
-
-    ``image`` (rows, columns, 3) RGB, ``alpha`` (rows, columns) 255 where known and else 0, ``walls`` (m, 2) m the
-    centres of occupied cells, and where the upper left corner is in the world.
-    """
-
-    image: Image
-    alpha: Image
-    walls: Array
-    cell: float
-    upper_left: tuple[float, float]
-
-
-@dataclass(frozen=True, slots=True)
-class Path2D:
-    """A trajectory (n, 3) to draw, and what to call it."""
-
-    poses: Array
-    color: Color
-    label: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +68,7 @@ class _Collector:
             Snapshot(
                 scans=scans,
                 time=step.time,
-                trajectory=np.array(self.online if estimate.history is None else estimate.history),
+                trajectory=np.array(self.online),
                 particles=estimate.particles[:: max(1, len(estimate.particles) // MOST_PARTICLES), :2].copy(),
                 grid=grid_layer(step.grid),
                 texture=None if self.texture is None else texture_layer(self.texture),
@@ -112,12 +87,13 @@ def write_figures(
 
     As the paper's figures 1 to 24: dead reckoning's trajectory and map, the filter's, the floor texture, then
     trajectory and map after every ``every`` scans, and the texture after as many; no texture without a camera.
-    ``on_step`` is called after every scan. Raises InputError if a file cannot be written.
+    ``on_step`` is called after every scan. Raises InputError if matplotlib is missing or a file cannot be written.
     """
+    require_matplotlib()
     if every < 1:
         raise InputError(f"--every {every}: must be at least 1")
     if len(recording) == 0:
-        raise InputError(f"{recording.path}: no scans to draw")
+        raise InputError(f"{recording.name}: no scans to draw")
     replay = Replay(recording, config)
     collector = _Collector(every)
     for step in replay:
@@ -130,8 +106,16 @@ def write_figures(
     return [*(figure.path for figure in figures), page]
 
 
+def require_matplotlib() -> None:
+    """Raise InputError, with what to do, where matplotlib is not installed."""
+    if find_spec("matplotlib") is None:
+        raise InputError("figures are drawn with matplotlib, which is missing: pip install 'pfslam-viz[figures]'")
+
+
 def _whole(result: Result, out: Path) -> list[Figure]:
     """Figures 1 to 6: the whole drive."""
+    from pfslam_viz.figures_drawing import draw_map, draw_texture
+
     name = result.recording.name
     drive = f"{len(result.stamps):,} scans, {result.stamps[-1] - result.stamps[0]:.0f} s"
     truth = [] if result.truth is None else [Path2D(result.truth, TRUTH, "truth")]
@@ -161,6 +145,8 @@ def _whole(result: Result, out: Path) -> list[Figure]:
 
 def _over_time(result: Result, snapshots: Sequence[Snapshot], out: Path) -> list[Figure]:
     """Figures 7 to 24: trajectory and grid over time, then texture over time, all with the same limits."""
+    from pfslam_viz.figures_drawing import draw_map, draw_texture
+
     name, layer = result.recording.name, grid_layer(result.grid)
     limits = map_limits(layer, result.estimate, *(snapshot.trajectory for snapshot in snapshots))
     figures = []
@@ -181,82 +167,6 @@ def _over_time(result: Result, snapshots: Sequence[Snapshot], out: Path) -> list
     return figures
 
 
-def draw_map(
-    limits: Limits,
-    grid: Layer,
-    paths: Sequence[Path2D],
-    title: str,
-    subtitle: str,
-    particles: Array | None = None,
-) -> Image:
-    """A map with trajectories, the last one on top and with the robot at its end; RGB (rows, columns, 3)."""
-    plot = Plot(limits, UNKNOWN)
-    plot.cells(grid.image, grid.cell, grid.upper_left, grid.alpha)
-    for path in paths:
-        plot.line(path.poses[:, :2], path.color, 2.2)
-    top = paths[-1]
-    keys = [Key("line", path.color, path.label) for path in reversed(paths)]
-    plot.ring(top.poses[0], top.color)
-    keys.append(Key("ring", top.color, "start"))
-    plot.robot(top.poses[-1], top.color)
-    keys.append(Key("robot", top.color, "robot"))
-    if particles is not None:
-        plot.dots(particles, PARTICLES)
-        keys.append(Key("dot", PARTICLES, "particles"))
-    keys += [Key("patch", WALL, "occupied"), Key("patch", WHITE, "free"), Key("patch", UNKNOWN, "unknown")]
-    return plot.finish(title, subtitle, keys)
-
-
-def draw_texture(limits: Limits, grid: Layer, texture: Layer, path: Path2D, title: str, subtitle: str) -> Image:
-    """The floor's colours with the walls around them for orientation; RGB (rows, columns, 3)."""
-    plot = Plot(limits, WHITE)
-    flat = np.empty_like(grid.image)
-    flat[:] = WALL_BY_TEXTURE
-    occupied = np.where(grid.image.max(axis=2) < np.mean(UNKNOWN) / 2, grid.alpha, np.uint8(0))
-    plot.cells(texture.image, texture.cell, texture.upper_left, texture.alpha)
-    plot.cells(flat, grid.cell, grid.upper_left, occupied)
-    plot.line(path.poses[:, :2], path.color, 1.6, casing=True)
-    plot.ring(path.poses[0], path.color)
-    plot.robot(path.poses[-1], path.color)
-    keys = [
-        Key("line", path.color, path.label),
-        Key("ring", path.color, "start"),
-        Key("robot", path.color, "robot"),
-        Key("patch", WALL_BY_TEXTURE, "occupied"),
-    ]
-    return plot.finish(title, subtitle, keys)
-
-
-def grid_layer(grid: OccupancyGrid) -> Layer:
-    """The log-odds as shades, copied: white is surely free, black surely occupied, and what is unknown is left out."""
-    rows, columns = _span(grid.log_odds != 0)
-    log_odds = grid.log_odds[rows, columns].astype(np.float64)
-    sure = np.tanh(np.abs(log_odds) / 2)[..., None]  # (28) once: 0.6; three times: 0.97
-    end = np.where((log_odds < 0)[..., None], np.array(WHITE), np.array(WALL))
-    image = np.round(np.array(UNKNOWN) * (1 - sure) + end * sure).astype(np.uint8)
-    alpha = np.where(log_odds != 0, np.uint8(255), np.uint8(0))
-    row, column = np.nonzero(grid.occupied[rows, columns])
-    walls = grid.centers(np.stack([row + rows.start, column + columns.start], axis=-1))
-    return Layer(image, alpha, walls, grid.cell, _upper_left(grid.origin, grid.cell, rows, columns))
-
-
-def texture_layer(texture: "FloorTexture") -> Layer:
-    """The painted cells, copied."""
-    rows, columns = _span(texture.weight > 0)
-    alpha = np.where(texture.weight[rows, columns] > 0, np.uint8(255), np.uint8(0))
-    image = texture.color[rows, columns].copy()
-    corner = _upper_left(texture.origin, texture.cell, rows, columns)
-    return Layer(image, alpha, np.zeros((0, 2)), texture.cell, corner)
-
-
-def map_limits(layer: Layer, *trajectories: Array) -> Limits:
-    """Limits that show the walls of a map and whole trajectories (n, 3)."""
-    walls = layer.walls
-    if len(walls):
-        walls = np.percentile(walls, [STRAY, 100 - STRAY], axis=0)
-    return Limits.around(walls, *(poses[:, :2] for poses in trajectories))
-
-
 def write_png(path: Path, image: Image) -> Path:
     """Write an RGB image (rows, columns, 3)."""
     encoded = cv2.imencode(".png", image[..., ::-1])[1]
@@ -267,16 +177,3 @@ def write_png(path: Path, image: Image) -> Path:
 
 def _save(path: Path, image: Image, like: str, caption: str) -> Figure:
     return Figure(write_png(path, image), like, caption)
-
-
-def _span(known: NDArray[np.bool_]) -> tuple[slice, slice]:
-    """Rows and columns that hold everything known; one cell if nothing is."""
-    if not known.any():
-        return slice(0, 1), slice(0, 1)
-    rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
-    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
-
-
-def _upper_left(origin: tuple[int, int], cell: float, rows: slice, columns: slice) -> tuple[float, float]:
-    """World position (m) of the upper left corner of a cut: the inverse of (24) and (25)."""
-    return (columns.start - origin[1]) * cell, (origin[0] - rows.start) * cell

@@ -37,6 +37,17 @@ def between(start: ArrayLike, end: ArrayLike) -> Array:
     return np.stack([c * dx + s * dy, -s * dx + c * dy, wrap(b[..., 2] - a[..., 2])], axis=-1)
 
 
+def increments(poses: ArrayLike) -> Array:
+    """The motion ``(n, 3)`` to each of the ``(n, 3)`` poses from the one before, in the frame of that; row 0 is zero.
+
+    The reverse of :func:`accumulate`, but for where the poses start.
+    """
+    p = np.asarray(poses, dtype=np.float64)
+    steps = np.zeros_like(p)
+    steps[1:] = between(p[:-1], p[1:])
+    return steps
+
+
 def inverse(pose: ArrayLike) -> Array:
     """The pose of the origin, seen from ``pose``."""
     return between(pose, np.zeros(3))
@@ -72,15 +83,6 @@ def mean_pose(poses: ArrayLike, weights: ArrayLike) -> Array:
     w = w / w.sum()
     heading = np.arctan2(w @ np.sin(p[:, 2]), w @ np.cos(p[:, 2]))
     return np.array([w @ p[:, 0], w @ p[:, 1], heading])
-
-
-def pose_covariance(poses: ArrayLike, weights: ArrayLike) -> Array:
-    """The ``(3, 3)`` covariance of weighted poses about :func:`mean_pose` (m², m rad, rad²)."""
-    p, w = np.asarray(poses, dtype=np.float64), np.asarray(weights, dtype=np.float64)
-    w = w / w.sum()
-    d = p - mean_pose(p, w)
-    d[:, 2] = wrap(d[:, 2])
-    return (d * w[:, None]).T @ d
 
 
 def path_length(poses: ArrayLike) -> float:

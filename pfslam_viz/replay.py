@@ -11,13 +11,11 @@ from numpy.typing import NDArray
 from pfslam_viz import geometry
 from pfslam_viz.config import Config
 from pfslam_viz.recordings.recording import Recording
+from pfslam_viz.slam.backends import make_slam
 from pfslam_viz.slam.background_grid import BackgroundGrid
-from pfslam_viz.slam.matching_filter import MatchingFilter
-from pfslam_viz.slam.observation import ScanReader
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
-from pfslam_viz.slam.particle_filter import ParticleFilter
 from pfslam_viz.slam.protocol import LoopClosure, Slam
-from pfslam_viz.slam.rao_blackwellized import RaoBlackwellizedFilter
+from pfslam_viz.slam.scan_reader import ScanReader
 from pfslam_viz.slam.worker import Worker, cores
 from pfslam_viz.step import Step
 
@@ -84,15 +82,15 @@ class Replay:
         """Prepare to replay ``recording`` under ``config``.
 
         Without ``texture``, the floor is not painted, whatever the configuration and the recording hold. With 2
-        ``threads``, a second one draws dead reckoning's map and helps to weigh the particles; None takes 2 if there are
-        as many cores. The results do not depend on it.
+        ``threads``, a second one writes dead reckoning's map and helps to weigh the particles; None takes 2 if there
+        are as many cores. The results do not depend on it.
         """
         self.recording = recording
         self.config = config
         self._worker = Worker(cores() if threads is None else threads)
         self.slam = make_slam(config, self._worker)
         self.dead_reckoning_grid = BackgroundGrid(config.map, self._worker)
-        self.painter = _painter(recording, config, self.slam.grid.cell) if texture else None
+        self.painter = _painter(recording, config, self.slam) if texture else None
         self.truth = _truth_from_start(recording)
         self._dead_reckoning = recording.dead_reckoning()
         self._online = np.zeros((len(recording), 3))
@@ -150,7 +148,7 @@ class Replay:
             slam.resample()
             estimate = slam.estimate()
             clock.lap("resample")
-            reckoned_end_points = self.dead_reckoning_grid.add(reckoned, scan.points, scan.origin)
+            reckoned_end_points = self.dead_reckoning_grid.add(reckoned, scan.points, scan.lidar_position)
             clock.lap("dead_reckoning")
             painted = painter.add_pose(scan.stamp, estimate.mean) if painter else None
             clock.lap("texture")
@@ -200,23 +198,13 @@ class Replay:
         )
 
 
-def make_slam(config: Config, worker: Worker | None = None) -> Slam:
-    """The back end that the configuration names. It may have the ``worker`` help it."""
-    if config.backend == "rao_blackwellized":
-        return RaoBlackwellizedFilter(config, worker)
-    if config.observation.model == "scan_matching":
-        return MatchingFilter(config)
-    return ParticleFilter(config, worker)
-
-
-def _painter(recording: Recording, config: Config, cell: float) -> "TexturePainter | None":
-    """Who paints the floor in cells of ``cell`` m, if there are images of it and painting is wanted."""
+def _painter(recording: Recording, config: Config, slam: Slam) -> "TexturePainter | None":
+    """Who paints the floor in cells as large as the map's, if there are images of it and painting is wanted."""
     if recording.frames is None or not config.texture.enabled:
         return None
     from pfslam_viz.texture import TexturePainter
 
-    hindsight = config.backend == "rao_blackwellized" and config.smoothing.enabled
-    return TexturePainter(recording.frames, config.texture, cell, keep=hindsight)
+    return TexturePainter(recording.frames, config.texture, slam.grid.cell, keep=slam.settles)
 
 
 def _truth_from_start(recording: Recording) -> Array | None:

@@ -29,7 +29,7 @@ class Step:
         hits: (m,) bool, whether an end point fell on a cell occupied before this scan.
         dead_reckoning_end_points: (m, 2) the same scan from the dead-reckoned pose.
         grid: the filter's map.
-        dead_reckoning_grid: the map that dead reckoning draws from the same scans.
+        dead_reckoning_grid: the map that dead reckoning writes from the same scans.
         texture: the floor texture, in a step that changed it.
         color_frame: index into the recording's colour frames of the one painted in this step, if any.
         disparity_frame: the same for disparity.

@@ -27,7 +27,9 @@ def room(n: int = 12) -> Recording:
         ranges = np.minimum(ahead, 2.0 / np.abs(np.sin(ANGLES)))
     odometry = np.zeros((n, 3))
     odometry[1:, 0] = 0.05
-    return Recording("room", "ece276a", Path("room"), np.arange(n) * 0.1, ranges.astype(np.float32), lidar, odometry)
+    return Recording(
+        "room", "ece276a", Path("room"), np.arange(float(n)) * 0.1, ranges.astype(np.float32), lidar, odometry
+    )
 
 
 def test_the_literal_map_is_the_filters_map() -> None:

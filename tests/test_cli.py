@@ -1,14 +1,18 @@
 """The command line: options, exit statuses, what is printed where, and what is left on disk."""
 
 import errno
+import http.server
 import json
 import os
 import re
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +20,10 @@ import numpy as np
 import pytest
 
 from pfslam_viz import cli
-from pfslam_viz.commands.choices import ConfigChoice, SinkChoice, default_config_name
+from pfslam_viz.commands.choices import ConfigChoice, SinkChoice
+from pfslam_viz.config import load_config
 from pfslam_viz.errors import InputError, PfslamError
+from pfslam_viz.slam.paper.settings import PaperConfig
 from pfslam_viz.slam.worker import cores
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -78,6 +84,15 @@ def python(code: str) -> str:
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
 
 
+def loaded_by(arguments: list[str], modules: Sequence[str]) -> list[str]:
+    """The exit status of a command in a fresh interpreter, and which of ``modules`` it imported."""
+    shown = python(
+        f"import sys\nfrom pfslam_viz.cli import call\nstatus = call({arguments})\n"
+        f"print('\\nLOADED', status, *[m for m in {tuple(modules)} if m in sys.modules])"
+    )
+    return shown.splitlines()[-1].split()[1:]
+
+
 # Help and imports
 
 
@@ -87,9 +102,39 @@ def test_start_up_imports_nothing_heavy(statement: str) -> None:
     assert loaded.splitlines()[-1].split() == ["LOADED"]
 
 
+@pytest.mark.parametrize(
+    ("arguments", "status"),
+    [
+        (["recordings"], 0),
+        (["info", "{drive}"], 0),
+        (["fetch", "intel", "--quiet", "--base-url", "{empty}"], 1),
+    ],
+)
+def test_commands_about_recordings_load_no_filter_and_no_viewer(
+    drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], status: int
+) -> None:
+    monkeypatch.setenv("PFSLAM_RECORDINGS", str(tmp_path))
+    empty_folder = partial(http.server.SimpleHTTPRequestHandler, directory=tmp_path)
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), empty_folder) as server:
+        threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
+        line = [argument.format(drive=drive, empty=f"http://127.0.0.1:{server.server_port}") for argument in arguments]
+        loaded = loaded_by(line, ("rerun", "cv2", "numba", "scipy", "matplotlib"))
+        server.shutdown()
+    assert loaded == [str(status)]
+
+
+def test_the_demo_is_looked_up_without_its_simulator(drive: Path, tmp_path: Path) -> None:
+    """A copy of the drive stands in for a demo that was made before: its manifest says so."""
+    demo = tmp_path / "demo"
+    shutil.copytree(drive, demo)
+    manifest = json.loads((demo / "simulation.json").read_text())
+    (demo / "simulation.json").write_text(json.dumps(manifest | {"building": "office", "seed": 9}))
+    assert loaded_by(["info", "demo", "--data", str(tmp_path)], ("cv2", "numba")) == ["0"]
+
+
 def test_kernels_load_without_scipys_linear_algebra_which_can_be_imported_later() -> None:
     loaded = python(
-        "import sys\nfrom pfslam_viz.console import load_kernels\nload_kernels(quiet=True)\n"
+        "import sys\nfrom pfslam_viz.slam.loading import load_kernels\nload_kernels()\n"
         "print('scipy.linalg' in sys.modules)\nimport scipy.linalg.cython_blas as blas\nprint(blas.__name__)"
     )
     assert loaded.split() == ["False", "scipy.linalg.cython_blas"]
@@ -410,16 +455,16 @@ def test_a_configuration_with_settings_of_its_own() -> None:
     config = choice.load()
     assert config.name == "paper,particles=50,motion.variance=[0.1,0.2,0.3]"
     assert (config.particles, config.seed, config.map.cell) == (50, 3, 0.1)
-    assert config.motion.variance == (0.1, 0.2, 0.3)
+    assert isinstance(config, PaperConfig) and config.motion.variance == (0.1, 0.2, 0.3)
     assert ConfigChoice.parse("paper", (), 99).load().particles == 99
 
 
-def test_the_default_configuration_depends_on_the_format(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pfslam_viz.commands.choices.configs_dir", lambda: tmp_path)
-    assert default_config_name("carmen") == "default"
-    (tmp_path / "carmen.toml").write_text("")
-    assert default_config_name("carmen") == "carmen"
-    assert default_config_name("ece276a") == "default"
+def test_a_mistake_is_blamed_on_the_option_that_made_it() -> None:
+    with pytest.raises(InputError, match=r"^--particles 1000000: 'particles' = 1000000"):
+        ConfigChoice.parse("paper", (), 1_000_000).load()
+    with pytest.raises(InputError, match=r"^--set map.cell=9: 'map.cell' = 9"):
+        ConfigChoice.parse("paper,map.cell=9").load()
+    assert ConfigChoice().load() == load_config("default")
 
 
 # The README

@@ -4,8 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from pfslam_viz.config import Config, configs_dir, load_config, load_robot
+from pfslam_viz.config import configs_dir, load_config, load_robot
+from pfslam_viz.config_text import allowed, as_markdown, as_toml, settings_of
 from pfslam_viz.errors import InputError
+from pfslam_viz.slam.paper.settings import PaperConfig
 
 ROBOT = (configs_dir() / "robots" / "ece276a.toml").read_text(encoding="utf-8")
 
@@ -39,14 +41,14 @@ def test_every_shipped_robot_is_valid(path: Path) -> None:
 
 
 def test_an_empty_file_is_the_defaults(tmp_path: Path) -> None:
-    assert load_config(toml(tmp_path, "")) == Config(name="mine")
+    assert load_config(toml(tmp_path, "")) == PaperConfig(name="mine")
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("particle = 3", "unknown key 'particle'; allowed here: .*particles"),
-        ("[map]\ncel = 1.0", "unknown key 'map.cel'; allowed here: cell, "),
+        ("particle = 3", "unknown key 'particle': the filter single_map does not read it; allowed here: .*particles"),
+        ("[map]\ncel = 1.0", "unknown key 'map.cel': the filter single_map does not read it; allowed here: cell, "),
         ("[filter]\nx = 1", "unknown key 'filter'"),
         ("particles = 0", "'particles' = 0: .*greater than or equal to 1"),
         ("particles = 500.0", "'particles' = 500.0: .*valid integer"),
@@ -123,8 +125,57 @@ def test_settings_reach_every_section_in_toml_or_bare_words() -> None:
     ],
 )
 def test_mistakes_in_settings(setting: str, message: str) -> None:
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=message) as caught:
         load_config("paper", [setting])
+    assert str(caught.value).startswith(f"--set {setting}: ")
+
+
+def test_a_mistake_is_blamed_on_who_made_it(tmp_path: Path) -> None:
+    """The file has one, the command line another; a setting that mends the file's leaves nothing to blame."""
+    path = toml(tmp_path, "particles = 0")
+    with pytest.raises(InputError) as caught:
+        load_config(path, ["map.cell=big"])
+    file, setting = str(caught.value).split("; ")
+    assert file.startswith(f"{path}: 'particles' = 0: ")
+    assert setting.startswith("--set map.cell=big: 'map.cell' = 'big': ")
+    assert load_config(path, ["particles=3"]).particles == 3
+    with pytest.raises(InputError, match=r"^--particles 0: 'particles' = 0"):
+        load_config("paper", ["particles=0"], lambda text: f"--particles {text.partition('=')[2]}")
+
+
+@pytest.mark.parametrize(
+    ("name", "setting", "message"),
+    [
+        (
+            "default",
+            "motion.model=scaled",
+            "unknown key 'motion': the filter rao_blackwellized does not read it, single_map does",
+        ),
+        (
+            "default",
+            "observation.perturbation=true",
+            "unknown key 'observation.perturbation': .* single_map does; allowed",
+        ),
+        ("paper", "smoothing.enabled=false", "unknown key 'smoothing': .* rao_blackwellized does"),
+        (
+            "paper",
+            "matching.sigma=1.0",
+            "unknown key 'matching': the filter single_map does not read it; allowed here: name",
+        ),
+        (
+            "paper",
+            "backend=magic",
+            "^--set backend=magic: 'backend' = 'magic': there are single_map and rao_blackwellized",
+        ),
+    ],
+)
+def test_a_key_that_the_filter_does_not_read_is_an_error(name: str, setting: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        load_config(name, [setting])
+
+
+def test_carmen_is_another_name_of_the_default() -> None:
+    assert load_config("carmen") == load_config("default")
 
 
 def test_a_configuration_that_is_not_there(tmp_path: Path) -> None:
@@ -148,4 +199,36 @@ def test_a_file_that_is_not_text(tmp_path: Path) -> None:
 
 def test_a_configuration_cannot_be_changed() -> None:
     with pytest.raises(ValueError, match="frozen"):
-        load_config("paper").particles = 3
+        load_config("paper").particles = 3  # type: ignore[misc]
+
+
+@pytest.mark.parametrize("name", ["paper", "default"])
+def test_what_is_printed_reads_back(name: str, tmp_path: Path) -> None:
+    config = load_config(name, ["particles=7", "observation.max_beams=90"])
+    path = toml(tmp_path, as_toml(config))
+    assert load_config(path) == config
+    for key, field in settings_of(type(config)):
+        assert field.description, f"{key} says nothing of itself"
+        assert f"# {key.rpartition('.')[2]}: " in path.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("key", "text"),
+    [
+        ("map.cell", "0.005 to 1"),
+        ("map.log_odds_hit", "> 0"),
+        ("resampling.threshold", "> 0 and <= 1"),
+        ("resampling.policy", "always or n_eff"),
+        ("texture.enabled", "true or false"),
+        ("motion.variance", ""),
+    ],
+)
+def test_ranges_in_words(key: str, text: str) -> None:
+    assert allowed(dict(settings_of(PaperConfig))[key]) == text
+
+
+def test_the_reference_page_is_what_the_code_says() -> None:
+    page = Path(__file__).resolve().parents[1] / "docs" / "configuration.md"
+    assert page.read_text(encoding="utf-8") == as_markdown(), (
+        "run: pfslam-viz config --markdown > docs/configuration.md"
+    )

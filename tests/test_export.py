@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from pfslam_viz import geometry
-from pfslam_viz.config import Config, MapConfig
+from pfslam_viz.config import Config
 from pfslam_viz.evaluation.trajectory_error import trajectory_error
 from pfslam_viz.export import export, map_image, write_map, write_tum
 from pfslam_viz.recordings.recording import Lidar, Recording
 from pfslam_viz.replay import Result
+from pfslam_viz.settings import MapConfig
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 
 
@@ -25,7 +26,7 @@ def make_result(n: int = 300) -> Result:
         name="winding",
         format="test",
         path=Path("winding"),
-        stamps=1330000000.123456 + np.arange(n) * 0.025,
+        stamps=1330000000.123456 + np.arange(float(n)) * 0.025,
         ranges=np.zeros((n, 1), np.float32),
         lidar=Lidar(np.zeros(1), 0.1, 30, np.zeros(3)),
         odometry=odometry,

@@ -8,13 +8,17 @@ import cv2
 import numpy as np
 import pytest
 
-from pfslam_viz.config import Config, MapConfig
+from pfslam_viz import figures_layers
 from pfslam_viz.errors import InputError
-from pfslam_viz.figures import WALL, Path2D, draw_texture, grid_layer, map_limits, texture_layer, write_figures
+from pfslam_viz.figures import require_matplotlib, write_figures
+from pfslam_viz.figures_drawing import LEFT, TOP, Picture, draw_texture
+from pfslam_viz.figures_layers import FREE, WALL, Limits, Path2D, grid_layer, map_limits, texture_layer
 from pfslam_viz.figures_page import Figure, write_page
-from pfslam_viz.plot import LEFT, TOP, Limits, Plot
 from pfslam_viz.recordings.recording import Lidar, Recording
+from pfslam_viz.settings import MapConfig
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
+from pfslam_viz.slam.paper.settings import PaperConfig
+from pfslam_viz.viewer import entities
 
 
 @dataclass
@@ -25,6 +29,13 @@ class Painted:
     weight: np.ndarray
     origin: tuple[int, int]
     cell: float
+
+
+def read(path: Path) -> np.ndarray:
+    """A picture (rows, columns, 3), RGB."""
+    image = cv2.imread(str(path))
+    assert image is not None
+    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
 
 
 @pytest.fixture(scope="module")
@@ -38,17 +49,21 @@ def recording() -> Recording:
     steps = np.zeros((n, 3))
     steps[1:, 0] = np.diff(x[:, 0])
     lidar = Lidar(angles, 0.1, 30.0, np.zeros(3))
-    return Recording("a <room>", "test", Path("room"), np.arange(n) * 0.1, ranges.astype(np.float32), lidar, steps)
+    return Recording(
+        "a <room>", "test", Path("room"), np.arange(float(n)) * 0.1, ranges.astype(np.float32), lidar, steps
+    )
 
 
 def test_writes_the_papers_figures_in_its_order(recording: Recording, tmp_path: Path) -> None:
     seen = []
-    files = write_figures(recording, Config(particles=20), tmp_path / "out", 15, lambda step: seen.append(step.index))
+    files = write_figures(
+        recording, PaperConfig(particles=20), tmp_path / "out", 15, lambda step: seen.append(step.index)
+    )
     names = ["01_dead_reckoning.png", "02_particle_filter.png", "04_map_00015.png", "04_map_00030.png", "index.html"]
     assert [file.name for file in files] == names
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == names
     assert seen == list(range(40))
-    pictures = [cv2.imread(str(file)) for file in files[:-1]]
+    pictures = [read(file) for file in files[:-1]]
     assert pictures[2].shape == pictures[3].shape  # over time: the same limits
     page = files[-1].read_text(encoding="utf-8")
     assert re.findall(r'<img src="([^"]+)"', page) == names[:-1]
@@ -57,13 +72,13 @@ def test_writes_the_papers_figures_in_its_order(recording: Recording, tmp_path: 
 
 def test_walls_are_at_their_place_in_the_picture(recording: Recording, tmp_path: Path) -> None:
     """The right wall at x = 4 and the upper one at y = 2, in the PNG of dead reckoning, which is true here."""
-    files = write_figures(recording, Config(particles=1), tmp_path, 1000)
-    image = cv2.cvtColor(cv2.imread(str(files[0])), cv2.COLOR_BGR2RGB).astype(int)
+    files = write_figures(recording, PaperConfig(particles=1), tmp_path, 1000)
+    image = read(files[0]).astype(int)
     grid = OccupancyGrid(MapConfig())
     for ranges, x in zip(recording.ranges, np.linspace(0, 2, 40), strict=True):
         points = ranges[:, None] * np.stack([np.cos(recording.lidar.angles), np.sin(recording.lidar.angles)], axis=-1)
         grid.add(np.array([x, 0.0, 0.0]), points.astype(np.float64), np.zeros(2))
-    plot = Plot(map_limits(grid_layer(grid), recording.dead_reckoning()))
+    plot = Picture(map_limits(grid_layer(grid), recording.dead_reckoning()), FREE, 0)
     for x, y, dark in [(4.03, 0.6, True), (3.8, 0.6, False), (4.2, 0.6, False), (1.0, 2.0, True), (1.0, 1.8, False)]:
         column = int(LEFT + (x - plot.limits.left) * plot.scale)
         row = int(TOP + (plot.limits.top - y) * plot.scale)
@@ -97,15 +112,40 @@ def test_texture_layer() -> None:
 
 def test_wrong_use_is_one_line(recording: Recording, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--every 0"):
-        write_figures(recording, Config(), tmp_path, 0)
+        write_figures(recording, PaperConfig(), tmp_path, 0)
     with pytest.raises(InputError, match="no scans"):
-        write_figures(recording.select(0, 0), Config(), tmp_path)
+        write_figures(recording.select(0, 0), PaperConfig(), tmp_path)
+
+
+def test_colors_are_the_viewers() -> None:
+    for name in ("DEAD_RECKONING", "FILTER", "TRUTH"):
+        assert getattr(figures_layers, name) == getattr(entities, name)
+
+
+def test_without_matplotlib_it_is_said_what_to_install(
+    recording: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pfslam_viz.figures.find_spec", lambda name: None)
+    with pytest.raises(InputError, match=r"pip install 'pfslam-viz\[figures\]'"):
+        require_matplotlib()
+    with pytest.raises(InputError, match=r"pfslam-viz\[figures\]"):
+        write_figures(recording, PaperConfig(), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_users_own_matplotlib_settings_do_not_matter(recording: Recording, tmp_path: Path) -> None:
+    import matplotlib
+
+    plain = write_figures(recording, PaperConfig(particles=2), tmp_path / "a", 1000)
+    with matplotlib.rc_context({"font.size": 30, "lines.linewidth": 9, "image.origin": "lower", "axes.grid": False}):
+        other = write_figures(recording, PaperConfig(particles=2), tmp_path / "b", 1000)
+    assert [path.read_bytes() for path in plain[:-1]] == [path.read_bytes() for path in other[:-1]]
 
 
 def test_page_shows_every_section_once(recording: Recording, tmp_path: Path) -> None:
     from pfslam_viz.replay import Replay
 
-    replay = Replay(recording.select(0, 3), Config(particles=2))
+    replay = Replay(recording.select(0, 3), PaperConfig(particles=2))
     for _ in replay:
         pass
     figures = [
@@ -131,12 +171,12 @@ def test_texture_is_drawn_on_the_floor_with_walls_beside_it() -> None:
     path = Path2D(np.array([[0.2, -2.0, 0], [0.4, -2.0, 0]]), (0, 114, 220), "particle filter")
     floor = texture_layer(Painted(color, weight, (20, 20), 0.1))  # type: ignore[arg-type]
     picture = draw_texture(limits, layer, floor, path, "floor", "")
-    plot = Plot(limits)
+    plot = Picture(limits, FREE, 0)
 
     def pixel(x: float, y: float) -> list[int]:
-        return picture[
-            int(TOP + (plot.limits.top - y) * plot.scale), int(LEFT + (x - plot.limits.left) * plot.scale)
-        ].tolist()
+        row, column = TOP + (plot.limits.top - y) * plot.scale, LEFT + (x - plot.limits.left) * plot.scale
+        color: list[int] = picture[int(row), int(column)].tolist()
+        return color
 
     assert pixel(0.3, 0.4) == pytest.approx([200, 100, 50], abs=1)
     assert pixel(0.95, 0.95) == pytest.approx([200, 100, 50], abs=1)

@@ -61,7 +61,7 @@ def test_transform_by_hand() -> None:
 
 def test_accumulate_drives_a_square_back_to_its_start() -> None:
     side = [[2.0, 0.0, QUARTER]] * 4
-    expected = [[2, 0, QUARTER], [2, 2, -math.pi], [0, 2, -QUARTER], [0, 0, 0]]
+    expected = [[2.0, 0.0, QUARTER], [2.0, 2.0, -math.pi], [0.0, 2.0, -QUARTER], [0.0, 0.0, 0.0]]
     np.testing.assert_allclose(geometry.accumulate(side), expected, atol=1e-12)
 
 
@@ -81,16 +81,12 @@ def test_mean_pose_takes_the_short_way_round() -> None:
     assert 3.1 < mean[2] < math.pi
 
 
-def test_pose_covariance_by_hand() -> None:
-    poses = [[1, 0, 0.1], [-1, 0, -0.1]]
-    np.testing.assert_allclose(
-        geometry.pose_covariance(poses, [5, 5]), [[1, 0, 0.1], [0, 0, 0], [0.1, 0, 0.01]], atol=1e-12
-    )
-
-
-def test_pose_covariance_across_the_seam() -> None:
-    covariance = geometry.pose_covariance([[0, 0, math.pi - 0.1], [0, 0, -math.pi + 0.1]], [1, 1])
-    assert covariance[2, 2] == pytest.approx(0.01)
+def test_increments_by_hand_and_back() -> None:
+    poses = np.array([[5.0, 5.0, math.pi / 2], [5.0, 7.0, math.pi], [4.0, 7.0, -math.pi / 2]])
+    steps = geometry.increments(poses)
+    np.testing.assert_allclose(steps, [[0.0, 0.0, 0.0], [2.0, 0.0, math.pi / 2], [1.0, 0.0, math.pi / 2]], atol=1e-12)
+    np.testing.assert_allclose(geometry.accumulate(steps, poses[0])[:, :2], poses[:, :2], atol=1e-12)
+    assert geometry.increments(np.zeros((0, 3))).shape == (0, 3)
 
 
 def test_path_length() -> None:

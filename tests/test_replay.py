@@ -16,6 +16,7 @@ from pfslam_viz.slam import kernels, map_kernels
 from pfslam_viz.slam.warm_up import warm_up
 
 Array = NDArray[np.float64]
+Map = NDArray[np.float32]
 
 # A room of 8 x 6 m about the origin with a box in a corner: x0, y0, x1, y1 of every wall, m.
 WALLS = np.array(
@@ -38,7 +39,8 @@ def cast(pose: Array) -> NDArray[np.float32]:
         distance = (start[:, 0] * along[:, 1] - start[:, 1] * along[:, 0]) / cross
         on_wall = (start[:, 0] * beams[:, None, 1] - start[:, 1] * beams[:, None, 0]) / cross
     distance[~((distance > 0) & (on_wall >= 0) & (on_wall <= 1))] = np.inf
-    return distance.min(axis=1).astype(np.float32)
+    ranges: NDArray[np.float32] = distance.min(axis=1).astype(np.float32)
+    return ranges
 
 
 def drive(scans: int = 120, drift: float = 0.002) -> Recording:
@@ -50,7 +52,7 @@ def drive(scans: int = 120, drift: float = 0.002) -> Recording:
     ranges = np.array([cast(pose) for pose in truth]) + rng.normal(0, 0.01, (scans, 541))
     odometry = increments + rng.normal(0, [1e-3, 1e-3, 5e-4], (scans, 3)) + [0.0, 0.0, drift]
     odometry[0] = 0.0
-    stamps = 100.0 + 0.025 * np.arange(scans)
+    stamps = 100.0 + 0.025 * np.arange(float(scans))
     return Recording(
         name="room", format="ece276a", path=Path("room"), stamps=stamps, ranges=ranges.astype(np.float32), lidar=LIDAR,
         odometry=odometry, truth=Trajectory(stamps, truth),
@@ -104,7 +106,8 @@ def test_the_walls_are_where_they_are(room: Recording, paper: Config) -> None:
 def distance_to(wall: Array, points: Array) -> Array:
     start, along = wall[:2], wall[2:] - wall[:2]
     share = np.clip((points - start) @ along / (along @ along), 0, 1)
-    return np.hypot(*(points - start - share[:, None] * along).T)
+    distance: Array = np.hypot(*(points - start - share[:, None] * along).T)
+    return distance
 
 
 def test_steps_tell_what_happened(room: Recording, paper: Config) -> None:
@@ -129,7 +132,7 @@ def test_steps_tell_what_happened(room: Recording, paper: Config) -> None:
     np.testing.assert_array_equal(only.grid.log_odds, only.dead_reckoning_grid.log_odds)
 
 
-def run(recording: Recording, config: Config, threads: int | None = None) -> tuple[Array, Array, Array]:
+def run(recording: Recording, config: Config, threads: int | None = None) -> tuple[Array, Map, Map]:
     replay = Replay(recording, config, threads=threads)
     for _ in replay:
         pass
@@ -204,43 +207,8 @@ def test_the_loop_compiles_nothing_after_the_warm_up(room: Recording, paper: Con
     assert {name: list(kernel.signatures) for name, kernel in public.items()} == before
 
 
-@pytest.fixture(scope="module")
-def fast() -> Config:
-    return load_config("fast")
-
-
-def test_scan_matching_is_ten_times_as_accurate(room: Recording, fast: Config) -> None:
-    """No worse than its lidar's noise of 1 cm, at every seed."""
-    for seed in range(3):
-        replay = Replay(room, fast.model_copy(update={"seed": seed}))
-        for _ in replay:
-            pass
-        result = replay.result()
-        assert result.truth is not None
-        assert position_error(result.estimate, result.truth) < 0.01
-        assert np.abs(np.degrees(geometry.wrap(result.estimate[:, 2] - result.truth[:, 2]))).max() < 0.7
-        np.testing.assert_array_equal(result.online, result.estimate)
-
-
-def test_scan_matching_does_not_depend_on_the_threads(room: Recording, fast: Config) -> None:
-    for one, two in zip(run(room, fast, 1), run(room, fast, 2), strict=True):
-        np.testing.assert_array_equal(one, two)
-
-
-@pytest.mark.parametrize("blind", [slice(None), slice(0, 1), slice(1, None), slice(40, 60)])
-def test_scan_matching_survives_scans_without_returns(room: Recording, fast: Config, blind: slice) -> None:
-    ranges = room.ranges.copy()
-    ranges[blind] = 0.0
-    replay = Replay(replace(room, ranges=ranges), fast)
-    assert len(list(replay)) == 120
-    result = replay.result()
-    assert np.isfinite(result.estimate).all()
-    if blind == slice(40, 60) and result.truth is not None:
-        assert position_error(result.estimate[70:], result.truth[70:]) < 0.02
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "position", "heading"), [("paper", 0.8, 4.0), ("fast", 0.02, 0.2)])
+@pytest.mark.parametrize(("name", "position", "heading"), [("paper", 0.8, 4.0), ("default", 0.005, 0.1)])
 def test_twin_of_a_real_drive(shared_data: Path, name: str, position: float, heading: float) -> None:
     """Real wheels and gyro against simulated walls: 92 m, on which dead reckoning goes metres astray."""
     from pfslam_viz.recordings import ece276a

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pfslam_viz.config import Config, configs_dir, load_config
+from pfslam_viz.config import Config, load_config
 from pfslam_viz.errors import InputError
 from pfslam_viz.files import check_writable
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class RecordingChoice:
-    """RECORDING, ``--data``, ``--robot`` and the scans ``start:stop:stride``."""
+    """RECORDING, how it is read, and the scans ``start:stop:stride``."""
 
     name: str
     data: Path | None = None
@@ -26,12 +26,22 @@ class RecordingChoice:
     start: int = 0
     stop: int | None = None
     stride: int = 1
+    scan_topic: str | None = None
+    odom_topic: str | None = None
+    base_frame: str | None = None
 
     def load(self) -> "Recording":
         """The recording, cut to the chosen scans. Raises InputError when there is none, or no scan is left."""
         from pfslam_viz.recordings.catalog import load_recording
 
-        recording = load_recording(self.name, self.data, self.robot)
+        recording = load_recording(
+            self.name,
+            self.data,
+            self.robot,
+            scan_topic=self.scan_topic,
+            odom_topic=self.odom_topic,
+            base_frame=self.base_frame,
+        )
         if (self.start, self.stop, self.stride) == (0, None, 1):
             return recording
         selected = recording.select(self.start, self.stop, self.stride) if self.start < len(recording) else None
@@ -45,7 +55,7 @@ class RecordingChoice:
 
 @dataclass(frozen=True, slots=True)
 class ConfigChoice:
-    """``--config`` with ``--set``, ``--particles`` and ``--seed``; ``name`` None leaves it to the recording."""
+    """``--config`` with ``--set``, ``--particles`` and ``--seed``; ``name`` None is the default one."""
 
     name: str | None = None
     settings: tuple[str, ...] = ()
@@ -70,19 +80,14 @@ class ConfigChoice:
             text if own else None,
         )
 
-    def load(self, recording_format: str = "") -> Config:
-        """The configuration; ``recording_format`` picks the default one where the user named none."""
+    def load(self) -> Config:
+        """The configuration. A mistake is blamed on the option that made it."""
         overrides = {"particles": self.particles, "seed": self.seed}
-        settings = [*self.settings, *(f"{key}={value}" for key, value in overrides.items() if value is not None)]
+        options = {f"{key}={value}": f"--{key} {value}" for key, value in overrides.items() if value is not None}
+        settings = [*self.settings, *options]
         if self.label is not None:
             settings.append(f"name='{self.label}'")
-        return load_config(self.name or default_config_name(recording_format), settings)
-
-
-def default_config_name(recording_format: str) -> str:
-    """``carmen`` for CARMEN logs where such a configuration is shipped, else ``default``."""
-    own = recording_format == "carmen" and (configs_dir() / "carmen.toml").is_file()
-    return "carmen" if own else "default"
+        return load_config(self.name or "default", settings, lambda text: options.get(text, f"--set {text}"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +100,7 @@ class DetailChoice:
 
     def options(self) -> Any:
         """The viewer's StreamOptions, with its own defaults for what was not chosen."""
-        from pfslam_viz.viewer.gatherer import StreamOptions
+        from pfslam_viz.viewer.collector import StreamOptions
 
         chosen = {
             "map_every": self.map_every,

@@ -5,7 +5,9 @@ from time import perf_counter
 from pfslam_viz import console
 from pfslam_viz.commands.choices import ConfigChoice, DetailChoice, RecordingChoice, SinkChoice
 from pfslam_viz.commands.interrupt import stop_on_interrupt
+from pfslam_viz.commands.progress import load_kernels, replay_progress
 from pfslam_viz.commands.replay import keep_serving, kept_or_raise, read
+from pfslam_viz.commands.summary import comparison
 from pfslam_viz.errors import InputError
 from pfslam_viz.viewer.compare import compare
 
@@ -22,20 +24,17 @@ def run(
         raise InputError("compare needs two configurations or more: --config paper --config default")
     sinks = sinks.or_viewer()
     sinks.check()
-    for choice in config_choices:
-        choice.load()
+    configs = [choice.load() for choice in config_choices]
     started = perf_counter()
     recording = read(chosen, quiet)
-    configs = [choice.load(recording.format) for choice in config_choices]
-    console.load_kernels(quiet)
-    scans, duration = len(recording) * len(configs), recording.duration * len(configs)
+    load_kernels(quiet)
     with sinks.open() as sink:
-        with console.ReplayProgress(scans, duration, quiet, "compare") as bar, stop_on_interrupt() as stopped:
+        with replay_progress(recording, quiet, "compare", len(configs)) as bar, stop_on_interrupt() as stopped:
             results = compare(
                 recording, configs, sink, detail.options(), on_step=lambda *_: bar.advance(), stopped=stopped
             )
         seconds = perf_counter() - started
         keep_serving(sinks, results[0])
     if not quiet:
-        console.results(to_stderr=sinks.stdout).print(console.comparison(results, seconds, sinks.save))
+        console.results(to_stderr=sinks.stdout).print(comparison(results, seconds, sinks.save))
     kept_or_raise(results[0], [sinks.save])

@@ -2,6 +2,7 @@
 
 from pfslam_viz import console
 from pfslam_viz.commands.choices import ConfigChoice, RecordingChoice
+from pfslam_viz.commands.progress import load_kernels, replay_progress
 from pfslam_viz.commands.recordings import print_json
 from pfslam_viz.evaluation.evaluate import evaluate
 
@@ -10,13 +11,11 @@ def run(
     chosen: RecordingChoice, config_choices: list[ConfigChoice], seeds: int, paper: bool, as_json: bool, quiet: bool
 ) -> None:
     """Score every configuration over ``seeds`` seeds, with the paper's filter beside them unless it is unwanted."""
-    for choice in config_choices:
-        choice.load()
+    configs = [choice.load() for choice in config_choices]
     with console.status(f"reading {chosen.name}", quiet):
         recording = chosen.load()
-    configs = [choice.load(recording.format) for choice in config_choices]
-    console.load_kernels(quiet)
-    with console.ReplayProgress(len(recording), recording.duration, quiet, "evaluate") as bar:
+    load_kernels(quiet)
+    with replay_progress(recording, quiet, "evaluate") as bar:
         report = evaluate(recording, configs, range(seeds), on_progress=bar.show, paper=paper)
     if as_json:
         print_json(report.as_dict())

@@ -4,17 +4,19 @@ from pathlib import Path
 
 from pfslam_viz import console
 from pfslam_viz.commands.choices import ConfigChoice, RecordingChoice
+from pfslam_viz.commands.progress import load_kernels, replay_progress
 from pfslam_viz.commands.replay import load
-from pfslam_viz.figures import write_figures
+from pfslam_viz.figures import require_matplotlib, write_figures
 from pfslam_viz.files import check_writable
 
 
 def run(chosen: RecordingChoice, config_choice: ConfigChoice, out: Path, every: int, quiet: bool) -> None:
     """Run the filter once and write the pictures into the folder ``out``."""
+    require_matplotlib()
     check_writable(out, folder=True)
     recording, config = load(chosen, config_choice, quiet)
-    console.load_kernels(quiet)
-    with console.ReplayProgress(len(recording), recording.duration, quiet, "figures") as progress:
+    load_kernels(quiet)
+    with replay_progress(recording, quiet, "figures") as progress:
         write_figures(recording, config, out, every, on_step=lambda *_: progress.advance())
     if not quiet:
         console.results().print(f"{out / 'index.html'} shows them all", markup=False, soft_wrap=True)

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 from pfslam_viz import console
 from pfslam_viz.commands.choices import ConfigChoice, DetailChoice, RecordingChoice, SinkChoice
 from pfslam_viz.commands.interrupt import Interrupted, stop_on_interrupt, wait_for_interrupt
+from pfslam_viz.commands.progress import load_kernels, replay_progress
+from pfslam_viz.commands.summary import summary
 from pfslam_viz.config import Config
 from pfslam_viz.files import check_writable
 from pfslam_viz.recordings.recording import Recording
@@ -34,7 +36,7 @@ def run(
         sinks = sinks.or_viewer()
     sinks.check()
     recording, config = load(chosen, config_choice, quiet)
-    console.load_kernels(quiet)
+    load_kernels(quiet)
     with ExitStack() as stack:
         stream = open_stream(stack, recording, config, sinks, detail)
         result, log_seconds = _replay(recording, config, stream, quiet)
@@ -47,7 +49,7 @@ def run(
             _export(result, export)
     if not quiet:
         left_out = stream.left_out if stream is not None else ()
-        shown = console.summary(result, seconds, log_seconds, sinks.save, left_out)
+        shown = summary(result, seconds, log_seconds, sinks.save, left_out)
         console.results(to_stderr=sinks.stdout).print(shown)
     kept_or_raise(result, [sinks.save, export])
 
@@ -64,9 +66,9 @@ def read(chosen: RecordingChoice, quiet: bool) -> Recording:
 
 def load(chosen: RecordingChoice, config_choice: ConfigChoice, quiet: bool) -> tuple[Recording, Config]:
     """The recording and the configuration; a mistake in the configuration shows before a long load."""
-    config_choice.load()
+    config = config_choice.load()
     recording = read(chosen, quiet)
-    return recording, config_choice.load(recording.format)
+    return recording, config
 
 
 def keep_serving(sinks: SinkChoice, result: Result) -> None:
@@ -100,7 +102,7 @@ def _replay(recording: Recording, config: Config, stream: "ReplayStream | None",
     """Run the filter until the last scan or Ctrl-C; also the seconds that logging took."""
     log_seconds = 0.0
     replay = Replay(recording, config)
-    with console.ReplayProgress(len(recording), recording.duration, quiet) as progress, stop_on_interrupt() as stopped:
+    with replay_progress(recording, quiet) as progress, stop_on_interrupt() as stopped:
         for step in replay:
             if stream is not None:
                 before = perf_counter()

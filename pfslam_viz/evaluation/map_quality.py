@@ -110,7 +110,8 @@ def wall_thickness(points: Array) -> float | None:
     x, y = offset.T
 
     def mean(values: Array) -> Array:
-        return np.bincount(owner, values, len(places)) / counts
+        means: Array = np.bincount(owner, values, len(places)) / counts
+        return means
 
     mx, my = mean(x), mean(y)
     xx, yy, xy = mean(x * x) - mx * mx, mean(y * y) - my * my, mean(x * y) - mx * my

@@ -38,7 +38,7 @@ def metrics(result: Result) -> dict[str, Any]:
         name: scores(recording, result.stamps, poses, result.truth) if len(poses) else {}
         for name, poses in trajectories.items()
     }
-    values = {
+    values: dict[str, Any] = {
         "recording": {
             "name": recording.name,
             "format": recording.format,
@@ -62,7 +62,8 @@ def metrics(result: Result) -> dict[str, Any]:
         "frames": _frames(result),
         "speed": speed(result),
     }
-    return finite(values)
+    plain: dict[str, Any] = finite(values)
+    return plain
 
 
 def scores(recording: Recording, stamps: Array, poses: Array, truth: Array | None) -> dict[str, dict[str, float]]:

@@ -1,27 +1,17 @@
-"""Recordings by name or path: where they are looked for, and which loader reads them."""
+"""Recordings by name or path: where they are looked for, and which format's reader is asked for them."""
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pfslam_viz.config import load_robot
 from pfslam_viz.errors import InputError
-from pfslam_viz.recordings import carmen, ece276a, npz
+from pfslam_viz.recordings import formats
+from pfslam_viz.recordings.formats import LoadOptions, Place, format_named, format_of, in_words
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.recordings.sources import SOURCES
 
 DEMO = "demo"
 ENVIRONMENT = "PFSLAM_RECORDINGS"
-_DAMAGED = "?"
-
-
-@dataclass(frozen=True, slots=True)
-class Place:
-    """Where a recording lies: a log's path, or the folder of a set's files with its number."""
-
-    name: str
-    path: Path
-    number: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,28 +46,39 @@ def recordings_dir() -> Path:
     return here
 
 
-def load_recording(name_or_path: str | Path, data: Path | None = None, robot: str | Path = "ece276a") -> Recording:
+def load_recording(
+    name_or_path: str | Path, data: Path | None = None, robot: str | Path = "ece276a", **options: str | None
+) -> Recording:
     """The recording that a name (``21``, ``demo``, ``intel``, a folder in ``data``) or a path stands for.
 
     Args:
-        name_or_path: a name; or a set's folder or one of its files, or a CARMEN log.
+        name_or_path: a name; or the path of a file, or of a folder that holds one recording.
         data: the folder to look a name up in, instead of :func:`recordings_dir`.
         robot: geometry for the course's sets: a shipped name or the path of a TOML file.
+        options: the other fields of :class:`~pfslam_viz.recordings.formats.LoadOptions`, for formats that read them.
 
     Raises:
         InputError: it is not there, with where it was looked for and how to get it; or it cannot be used.
     """
-    place = find(name_or_path, data, make_demo=True)
-    if place.number is None:
-        return carmen.load(place.path, place.name)
-    if missing := ece276a.missing_files(place.path, place.number):
-        hint = f"; {_fetch_hint(place.number, data or place.path)}" if place.number in SOURCES else ""
-        raise InputError(f"{place.path}: set {place.number} lacks {', '.join(missing)}{hint}")
-    return ece276a.load(place.path, place.number, load_robot(robot), place.name)
+    return load_place(find(name_or_path, data, make_demo=True), data, LoadOptions(robot, **options))
+
+
+def load_place(place: Place, data: Path | None, options: LoadOptions) -> Recording:
+    """The recording that lies there; ``data`` is where it was looked for. Errors as for :func:`load_recording`."""
+    row = format_named(place.format)
+    if unread := [name for name in options.given() if name not in row.options]:
+        readers = [other for other in formats.FORMATS if unread[0] in other.options]
+        only = f"; it is for {in_words(' or ', readers)}" if readers else ""
+        raise InputError(f"{place.path}: {row.words} is read without {', '.join(unread)}{only}")
+    if missing := row.reader.missing(place):
+        known = place.number or place.name
+        hint = f"; {_fetch_hint(known, data or place.path)}" if known in SOURCES else ""
+        raise InputError(f"{place.path}: {row.noun} {known} lacks {', '.join(missing)}{hint}")
+    return row.reader.load(place, options)
 
 
 def find(name_or_path: str | Path, data: Path | None = None, make_demo: bool = False) -> Place:
-    """Where the recording lies; a set may still lack files. Raises InputError as :func:`load_recording` does."""
+    """Where the recording lies; it may still lack files. Raises InputError as :func:`load_recording` does."""
     path = Path(name_or_path)
     folder = recordings_dir() if data is None else data
     if data is not None and not data.is_dir():
@@ -99,30 +100,34 @@ def find(name_or_path: str | Path, data: Path | None = None, make_demo: bool = F
 
 
 def find_named(name: str, folder: Path) -> Place | None:
-    """A recording called ``name`` in ``folder``, in ``folder/name``, or ``folder`` itself if it is called so."""
-    places = [folder, folder / name]
-    sets = [found for place in places if name.isdigit() and (found := ece276a.find_set(place, name))]
-    if sets:
-        return Place(name, min(sets, key=lambda found: len(ece276a.missing_files(found, name))), name)
-    for place in places:
-        for stem in _stems(name):
-            for log in _logs(place):
-                if carmen.log_name(log) == stem:
-                    return Place(name, log)
-    for place in (folder / name, *([folder] if folder.name == name else [])):
-        if found_place := _only_recording(place):
-            return Place(name, found_place.path, found_place.number)
+    """A recording called ``name`` in ``folder``, in ``folder/name``, or ``folder`` itself if it is called so.
+
+    Of several the most complete, and the first where they are looked for.
+    """
+    stems = _stems(name)
+    for row in formats.FORMATS:
+        found = [
+            (len(row.reader.missing(place)), order, stems.index(place.name), place)
+            for order, where in enumerate((folder, folder / name))
+            for place in row.find(where)
+            if place.name in stems
+        ]
+        if found:
+            return replace(min(found, key=lambda candidate: candidate[:3])[3], name=name)
+    for where in (folder / name, *([folder] if folder.name == name else [])):
+        if place := _only_recording(where):
+            return replace(place, name=name)
     return None
 
 
 def is_recording(path: Path) -> bool:
-    """Whether a path looks like a recording of ours; reads a little of a log, and nothing of a set."""
+    """Whether a path that a viewer was asked to open is a recording of ours.
+
+    Reads a little of a log, and nothing of a recording that is a folder.
+    """
     if path.is_dir():
-        try:
-            return ece276a.locate(path)[0].is_dir()
-        except InputError:
-            return False
-    return ece276a.set_number(path) is not None or (carmen.is_log(path) and carmen.looks_like_log(path))
+        return any(row.claims_folder(path) and len(row.find(path)) == 1 for row in formats.FORMATS)
+    return any(row.claims(path) and row.reader.looks_like(path) for row in formats.FORMATS)
 
 
 def list_recordings(data: Path | None = None) -> list[Entry]:
@@ -148,21 +153,16 @@ def list_recordings(data: Path | None = None) -> list[Entry]:
 
 
 def _is_file_name(path: Path) -> bool:
-    return carmen.is_log(path) or path.suffix == ".npz"
+    return format_of(path) is not None or path.suffix == ".npz"
 
 
 def _stems(name: str) -> list[str]:
-    """What a log may be called that has ``name``: so, or as it is called where it comes from."""
-    source = SOURCES.get(name)
-    original = [Path(file.path).name for file in source.files] if source else []
-    return [name, *(carmen.log_name(Path(file)) for file in original if carmen.is_log(Path(file)))]
-
-
-def _logs(folder: Path) -> list[Path]:
-    try:
-        return sorted(path for path in folder.iterdir() if carmen.is_log(path) and path.is_file())
-    except OSError:
-        return []
+    """What a recording's own name may be that has ``name``: so, or as its files are called where they come from."""
+    stems = [name]
+    if (source := SOURCES.get(name)) and source.files:
+        row = format_named(source.format)
+        stems += [row.name_of(Path(file.path)) for file in source.files if row.claims(Path(file.path))]
+    return stems
 
 
 def _place_at(path: Path, name: str | None = None) -> Place:
@@ -170,22 +170,19 @@ def _place_at(path: Path, name: str | None = None) -> Place:
     if not path.exists():
         raise InputError(f"{path}: no such file or folder, and no recording is called so")
     if path.is_file():
-        if carmen.is_log(path):
-            return Place(name or carmen.log_name(path), path)
-        if ece276a.set_number(path) is None:
-            raise InputError(
-                f"{path}: neither a set's file (such as Hokuyo21.npz) nor a CARMEN log (.log, .clf or .gfs, plain or"
-                " with .gz or .bz2)"
-            )
-        folder, number = ece276a.locate(path)
-        return Place(name or number, folder, number)
-    logs = _logs(path)
-    if not ece276a.sets_in(path) and not ece276a.sets_in(path / "data") and logs:
-        if len(logs) > 1:
-            raise InputError(f"{path}: holds {len(logs)} logs; choose one, such as {logs[0]}")
-        return Place(name or carmen.log_name(logs[0]), logs[0])
-    folder, number = ece276a.locate(path)
-    return Place(name or path.resolve().name, folder, number)
+        row = format_of(path)
+        if row is None:
+            raise InputError(f"{path}: neither {in_words(' nor ')}")
+        place = row.reader.place(path, row)
+        return replace(place, name=name or place.name)
+    for row in formats.FORMATS:
+        places = row.find(path)
+        if len(places) > 1:
+            raise InputError(f"{path}: holds {len(places)} {row.noun}s; choose one, such as {places[0].chosen_by}")
+        if places:
+            own = places[0].name if places[0].path.is_file() else path.resolve().name
+            return replace(places[0], name=name or own)
+    raise InputError(f"{path}: holds no recording: neither {in_words(' nor ')}")
 
 
 def _only_recording(folder: Path) -> Place | None:
@@ -196,63 +193,44 @@ def _only_recording(folder: Path) -> Place | None:
 
 
 def _others(folder: Path) -> list[Place]:
-    """Everything in ``folder`` and one level below that a loader reads, called as :func:`find` takes it."""
+    """Everything in ``folder`` and one level below that a reader reads, called as :func:`find` takes it."""
     try:
         subfolders = sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))
     except OSError:
         return []
-    places = [Place(number, folder, number) for number in ece276a.sets_in(folder)]
-    places += [Place(carmen.log_name(log), log) for log in _logs(folder)]
+    places = _all_in(folder)
     for sub in subfolders:
-        inside = [Place(f"{sub.name}/Hokuyo{number}.npz", sub, number) for number in ece276a.sets_in(sub)]
-        inside += [Place(f"{sub.name}/{log.name}", log) for log in _logs(sub)]
-        if not inside:
-            place = _only_recording(sub)
-            inside = [place] if place else []
+        inside = _all_in(sub)
         if len(inside) == 1:
-            inside = [Place(sub.name, inside[0].path, inside[0].number)]
-        places += inside
+            places.append(replace(inside[0], name=sub.name))
+        else:
+            places += [replace(p, name=p.chosen_by.relative_to(folder).as_posix()) for p in inside]
     return places
+
+
+def _all_in(folder: Path) -> list[Place]:
+    return [place for row in formats.FORMATS for place in row.find(folder)]
 
 
 def _entry(place: Place) -> Entry:
     source = SOURCES.get(place.name)
-    if place.number is None:
-        relations = place.path.with_name(f"{carmen.log_name(place.path)}.relations").exists()
-        sensors = "lidar, odometry" + (", relations" if relations else "")
-        return Entry(place.name, "carmen", source.length if source else "", sensors, "here", "", place.path)
-    words = {"Hokuyo": "lidar", "Encoders": "encoders", "Imu": "IMU", "Kinect": "colour and disparity"}
-    kinds = ece276a.sets_in(place.path)[place.number]
-    sensors = ", ".join(word for kind, word in words.items() if kind in kinds)
-    if (place.path / "ground_truth.npz").exists() or (place.path / f"ground_truth{place.number}.npz").exists():
-        sensors += ", truth"
-    missing = ece276a.missing_files(place.path, place.number)
+    reader = format_named(place.format).reader
+    glance, missing = reader.glance(place), reader.missing(place)
     status = f"incomplete: lacks {', '.join(missing)}" if missing else "here"
+    length = (source.length if source else "") if glance.length is None else glance.length
     size = source.size if source and missing else ""
-    length = _length(place.path / f"Hokuyo{place.number}.npz") if "Hokuyo" in kinds else ""
-    if length == _DAMAGED:
-        status = f"Hokuyo{place.number}.npz is damaged"
-    return Entry(place.name, "ece276a", length, sensors, status, size, place.path)
-
-
-def _length(path: Path) -> str:
-    try:
-        stamps = npz.vector(npz.read_arrays(path, ["time_stamps"]), "time_stamps", path)
-    except InputError:
-        return _DAMAGED
-    return f"{stamps.max() - stamps.min():,.0f} s, {len(stamps):,} scans" if len(stamps) else "empty"
+    return Entry(place.name, place.format, length, glance.sensors, glance.damage or status, size, place.path)
 
 
 def _not_found(name: str, folder: Path, data: Path | None) -> str:
     looked = f"no recording '{name}' in {folder} or {folder / name}"
     if source := SOURCES.get(name):
-        optional = ("Kinect", f"{name}.relations")
-        needs = ", ".join(file.name for file in source.files if not file.name.startswith(optional))
-        return f"{looked}: it needs {needs}; {_fetch_hint(name, data)}"
-    if name.isdigit():
-        files = ", ".join(f"{kind}{name}.npz" for kind in ece276a.REQUIRED)
-        return f"{looked}: it needs {files}, or the path of the folder where they are (--data)"
-    return f"{looked}; known names are {', '.join(SOURCES)}, or give the path of a set's folder or a CARMEN log"
+        row = format_named(source.format)
+        files = row.reader.needs(name) or [file.name for file in source.files if row.claims(Path(file.name))]
+        return f"{looked}: it needs {', '.join(files)}; {_fetch_hint(name, data)}"
+    if needed := next((files for row in formats.FORMATS if (files := row.reader.needs(name))), None):
+        return f"{looked}: it needs {', '.join(needed)}, or the path of the folder where they are (--data)"
+    return f"{looked}; known names are {', '.join(SOURCES)}, or give the path of {in_words(' or ')}"
 
 
 def _fetch_hint(name: str, data: Path | None) -> str:

@@ -1,4 +1,9 @@
-"""Files from the web to the disk: checked, retried, several at a time, never half of one under its final name."""
+"""Files from the web to the disk: checked, retried, several at a time, never half of one under its final name.
+
+pooch transfers them. Its registry and retries are not used: they know no git blob ids and no check of a file without a
+pinned hash, overwrite a user's file of the same name, try a 404 and a wrong hash again like a broken connection, and
+sleep where Ctrl-C has to stop them.
+"""
 
 import hashlib
 import threading

@@ -17,7 +17,7 @@ from pfslam_viz.errors import InputError
 from pfslam_viz.recordings import npz
 from pfslam_viz.recordings.ece276a_frames import KINECT, read_frames
 from pfslam_viz.recordings.recording import Lidar, Recording, Stream, Trajectory
-from pfslam_viz.recordings.stamps import order, spread_repeats
+from pfslam_viz.recordings.stamps import distinct_scans, order
 from pfslam_viz.recordings.wheel_odometry import WheelOdometry
 from pfslam_viz.robot import Robot
 
@@ -189,11 +189,11 @@ def _read_scans(path: Path, robot: Robot, notes: list[str]) -> _Scans:
     if bad := int((~np.isfinite(ranges)).sum()):
         notes.append(f"lidar: {bad} ranges that are NaN or infinite taken as no return")
         ranges[~np.isfinite(ranges)] = 0.0
-    kept = order(stamps, "lidar", notes)
+    kept, stamps = distinct_scans(stamps, ranges, notes, spacing=0.025)
     if len(kept) == 0:
         raise InputError(f"{path}: no scan has a valid time stamp")
-    stamps, ranges = stamps[kept], ranges[kept]
-    stamps, ranges = _without_repeats(stamps, ranges, notes)
+    if len(kept) < len(ranges) or (np.diff(kept) != 1).any():
+        ranges = ranges[kept]
     x, y, z = robot.lidar.position
     pose = np.array([x, y, robot.lidar.yaw])
     return _Scans(stamps, ranges, Lidar(angles, range_min, range_max, pose, z + robot.axle_height))
@@ -213,20 +213,6 @@ def _beam_angles(
     if abs(expected - beams) > 0.5:
         notes.append(f"lidar: {beams} beams spread over the angle limits; angle_increment would make {expected:.0f}")
     return angles
-
-
-def _without_repeats(stamps: Array, ranges: NDArray[np.float32], notes: list[str]) -> tuple[Array, NDArray[np.float32]]:
-    """Scans logged twice left out, other scans of equal stamp moved apart: stamps must strictly increase."""
-    same = np.flatnonzero(np.diff(stamps) == 0) + 1
-    if len(same) == 0:
-        return stamps, ranges
-    copies = same[(ranges[same] == ranges[same - 1]).all(axis=1)]
-    if len(copies):
-        notes.append(f"lidar: {len(copies)} scans logged twice left out")
-        stamps, ranges = np.delete(stamps, copies), np.delete(ranges, copies, axis=0)
-    if len(copies) < len(same):
-        notes.append(f"lidar: {len(same) - len(copies)} scans repeat the stamp before; spread up to the next stamp")
-    return spread_repeats(stamps, spacing=0.025), ranges
 
 
 def _require_samples(path: Path, stamps: Array) -> None:

@@ -7,25 +7,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
-from pfslam_viz.config import load_robot
-from pfslam_viz.recordings import ece276a
-from pfslam_viz.recordings.catalog import find, load_recording
+from pfslam_viz.recordings.catalog import find, load_place
+from pfslam_viz.recordings.formats import LoadOptions, Place, WithoutScans, format_named
 from pfslam_viz.recordings.recording import Frames, Recording, Relations, Stream
-from pfslam_viz.robot import Robot
 
 Array = NDArray[np.float64]
 Description = dict[str, object]
 
 
-def describe_path(name_or_path: str | Path, data: Path | None = None, robot: str | Path = "ece276a") -> Description:
-    """What is inside a recording; of a set without its lidar file, what encoders and IMU tell.
+def describe_path(
+    name_or_path: str | Path, data: Path | None = None, robot: str | Path = "ece276a", **options: str | None
+) -> Description:
+    """What is inside a recording; of one that lacks just its scans, what its other sensors tell.
 
     Arguments and errors as for :func:`~pfslam_viz.recordings.catalog.load_recording`.
     """
-    place = find(name_or_path, data, make_demo=True)
-    if place.number is not None and ece276a.missing_files(place.path, place.number) == [f"Hokuyo{place.number}.npz"]:
-        return describe_sensors(place.path, place.number, load_robot(robot))
-    return describe(load_recording(name_or_path, data, robot))
+    place, chosen = find(name_or_path, data, make_demo=True), LoadOptions(robot, **options)
+    if (sensors := format_named(place.format).reader.without_scans(place, chosen)) is not None:
+        return describe_sensors(place, sensors)
+    return describe(load_place(place, data, chosen))
 
 
 def describe(recording: Recording) -> Description:
@@ -37,7 +37,7 @@ def describe(recording: Recording) -> Description:
     out: Description = {
         "name": recording.name,
         "format": recording.format,
-        "path": str(recording.path),
+        "path": None if recording.path is None else str(recording.path),
         "duration_s": round(recording.duration, 3),
         "first_stamp_s": first,
         "lidar": {
@@ -64,27 +64,18 @@ def describe(recording: Recording) -> Description:
     return out
 
 
-def describe_sensors(folder: Path, number: str, robot: Robot) -> Description:
-    """The same of a set's encoders and IMU alone: dead reckoning at the encoders' stamps.
-
-    Raises InputError when one of the two files is missing or damaged.
-    """
-    sensors = ece276a.read_sensors(folder, number, robot)
-    trajectory = sensors.odometry.dead_reckoning()
-    end = float(trajectory.stamps[-1])
-    early = end - float(sensors.odometry.gyro_stamps[-1])
-    notes = [f"Hokuyo{number}.npz is not here: there are no scans, so it cannot be replayed", *sensors.notes]
-    if early > 0.1:
-        notes.append(f"IMU: ends {early:.2f} s before the encoders; taken to rest from then on")
+def describe_sensors(place: Place, sensors: WithoutScans) -> Description:
+    """The same of a recording without scans: its odometry alone."""
+    stamps = sensors.trajectory.stamps
     return {
-        "name": number,
-        "format": "ece276a",
-        "path": str(folder),
-        "duration_s": round(end - float(trajectory.stamps[0]), 3),
-        "first_stamp_s": float(trajectory.stamps[0]),
-        "streams": _streams(sensors.streams, float(trajectory.stamps[0])),
-        "odometry": {"wheel_path_m": round(sensors.odometry.path_length(), 3), **_path(trajectory.poses)},
-        "notes": notes,
+        "name": place.number or place.name,
+        "format": place.format,
+        "path": str(place.path),
+        "duration_s": round(float(stamps[-1] - stamps[0]), 3),
+        "first_stamp_s": float(stamps[0]),
+        "streams": _streams(sensors.streams, float(stamps[0])),
+        "odometry": {"wheel_path_m": round(sensors.wheel_path, 3), **_path(sensors.trajectory.poses)},
+        "notes": list(sensors.notes),
     }
 
 

@@ -8,14 +8,14 @@ from pfslam_viz.recordings.recording import Recording
 
 
 class RawlogReader(Reader):
-    """A log is a file."""
+    """A rawlog is a file."""
 
     def load(self, place: Place, options: LoadOptions) -> Recording:
         """As :func:`pfslam_viz.recordings.rawlog.load`."""
         return rawlog.load(place.path, place.name)
 
     def looks_like(self, path: Path) -> bool:
-        """Whether it begins with an object as MRPT writes them."""
+        """Whether it begins with an object of MRPT's."""
         return rawlog.looks_like(path)
 
 

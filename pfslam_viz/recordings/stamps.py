@@ -33,3 +33,25 @@ def spread_repeats(stamps: Array, spacing: float = 0.1) -> Array:
     gaps = np.append(np.diff(values), np.median(np.diff(values)) if len(values) > 1 else spacing * len(stamps))
     rank = np.arange(len(stamps)) - np.repeat(first, counts)
     return stamps + rank * np.repeat(gaps / counts, counts)
+
+
+def distinct_scans(
+    stamps: Array, ranges: NDArray[np.float32], notes: list[str], spacing: float = 0.1
+) -> tuple[NDArray[np.intp], Array]:
+    """Which of the scans to keep (k,), in order of time, and their strictly increasing stamps (k,).
+
+    Left out are scans without a finite stamp, and copies: scans that repeat both stamp and ``ranges`` (n, B) of the one
+    before. Other scans of equal stamp are spread as by :func:`spread_repeats`. What was wrong is added to ``notes``.
+    """
+    kept = order(stamps, "lidar", notes)
+    in_order = stamps[kept]
+    same = np.flatnonzero(np.diff(in_order) == 0) + 1
+    if len(same) == 0:
+        return kept, in_order
+    copies = same[(ranges[kept[same]] == ranges[kept[same - 1]]).all(axis=1)]
+    if len(copies):
+        notes.append(f"lidar: {len(copies)} scans logged twice left out")
+        kept = np.delete(kept, copies)
+    if len(copies) < len(same):
+        notes.append(f"lidar: {len(same) - len(copies)} scans repeat the stamp before; spread up to the next stamp")
+    return kept, spread_repeats(stamps[kept], spacing)

@@ -11,7 +11,7 @@ from pfslam_viz.recordings.recording import Trajectory
 Array = NDArray[np.float64]
 
 
-def unicycle_increment(distance: ArrayLike, turn: ArrayLike) -> Array:
+def differential_drive(distance: ArrayLike, turn: ArrayLike) -> Array:
     """Motion ``(n, 3)`` of a robot that rolls ``distance`` m along an arc while turning by ``turn`` rad.
 
     Equation (17) from the origin: distance * sinc(turn / 2) * (cos(turn / 2), sin(turn / 2)), with
@@ -62,7 +62,7 @@ class WheelOdometry:
         distance = np.interp(stamps, self.wheel_stamps, self.distance)
         heading = np.interp(stamps, self.gyro_stamps, self.heading)
         steps = np.zeros((len(stamps), 3))
-        steps[1:] = unicycle_increment(np.diff(distance), np.diff(heading))
+        steps[1:] = differential_drive(np.diff(distance), np.diff(heading))
         return steps
 
     def dead_reckoning(self, stamps: Array | None = None) -> Trajectory:

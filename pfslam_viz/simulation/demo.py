@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from pfslam_viz.simulation.recording import VERSION, manifest_of, simulate
+from pfslam_viz.simulation.manifest import VERSION, manifest_of
 
 NAME = "demo"
 BUILDING, SEED = "office", 9
@@ -17,5 +17,7 @@ def ensure_demo(folder: Path) -> Path:
     wanted = {"generator": VERSION, "building": BUILDING, "seed": SEED}
     manifest = manifest_of(out) or {}
     if any(manifest.get(key) != value for key, value in wanted.items()):
+        from pfslam_viz.simulation.recording import simulate
+
         simulate(out, seed=SEED, building=BUILDING)
     return out

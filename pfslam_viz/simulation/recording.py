@@ -16,6 +16,7 @@ from pfslam_viz.config import load_robot
 from pfslam_viz.errors import InputError
 from pfslam_viz.simulation.buildings import build
 from pfslam_viz.simulation.drive import DriveConfig, drive_along
+from pfslam_viz.simulation.manifest import MANIFEST, VERSION, manifest_of
 from pfslam_viz.simulation.sensors import (
     ENCODER_PERIOD,
     FIELD_OF_VIEW,
@@ -31,10 +32,8 @@ from pfslam_viz.simulation.sensors import (
     scan,
 )
 
-VERSION = 2  # of the generator: raised when the same seed gives other bytes
 EPOCH = 1_300_000_000.0  # s, what the recording's clock shows at the start
 SET = 1  # the set's number: Encoders1.npz, ...
-MANIFEST = "simulation.json"
 
 
 def simulate(
@@ -111,15 +110,6 @@ def simulate(
             )  # fmt: skip
         (folder / MANIFEST).write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
     return out
-
-
-def manifest_of(folder: Path) -> dict[str, object] | None:
-    """What the recording in ``folder`` was made with; None if it is not a complete simulated one."""
-    try:
-        manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return manifest if isinstance(manifest, dict) else None
 
 
 def _save(path: Path, **arrays: Any) -> None:

@@ -162,4 +162,5 @@ def _drifting(drive: Drive, seconds: float, rng: np.random.Generator) -> Array:
     """(n,) noise of about unit variance along a drive, linear between independent values ``seconds`` apart."""
     knots = np.arange(0.0, drive.duration + seconds, seconds)
     # Between two knots the variance falls to a half; over all times it is two thirds.
-    return np.interp(drive.times, knots, rng.standard_normal(len(knots)) * np.sqrt(1.5))
+    noise: Array = np.interp(drive.times, knots, rng.standard_normal(len(knots)) * np.sqrt(1.5))
+    return noise

@@ -16,8 +16,8 @@ class Belief:
         self._rng = np.random.default_rng(seed)
         self._particles = np.zeros((count, 3))
         self._weigh(np.full(count, 1.0 / count))
-        self._parents = self._drawn = np.arange(count)
-        self._informative = self._keyed = True
+        self._parents = self._ancestors = np.arange(count)
+        self._informative = True
         self._resampled = False
         self._match: Match | None = None
 
@@ -26,14 +26,15 @@ class Belief:
         """(3,) the most likely particle after the last update: the "mode" of section I. Not to be written to."""
         return self._best
 
-    def _weigh(self, weights: Array, best: int | None = None) -> None:
-        """The particles have these weights (N,), which sum to 1, until they are weighed again; resampled or not.
-
-        ``best`` is the most likely one, where that is another one than the heaviest.
-        """
+    def _weigh(self, weights: Array) -> None:
+        """The particles have these weights (N,), which sum to 1, until they are weighed again; resampled or not."""
         self._weighed = (self._particles, weights)
-        best = int(np.argmax(weights)) if best is None else best
-        self._best = self._particles[best].copy()  # a view would keep all of them alive
+        self._best: Array = self._particles[int(np.argmax(weights))].copy()  # a view would keep all of them alive
+
+    @property
+    def settles(self) -> bool:
+        """No: what :meth:`finish` may move is up to the back ends that do."""
+        return False
 
     @property
     def closures(self) -> tuple[LoopClosure, ...]:
@@ -55,5 +56,4 @@ class Belief:
             informative=self._informative,
             parents=self._parents,
             match=self._match,
-            map_updated=self._keyed,
         )

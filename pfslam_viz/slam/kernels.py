@@ -86,21 +86,21 @@ def moments(poses: Floats, weights: Floats) -> tuple[Floats, Floats, float]:
 def pick(weights: Floats, positions: Floats) -> NDArray[np.int64]:
     """The particles (k,) into whose share of [0, 1) the ascending ``positions`` (k,) fall, (31).
 
-    ``weights`` (N,) need not sum to 1, and one at least is above 0; a particle without weight is never drawn.
+    ``weights`` (N,) need not sum to 1, and one at least is above 0; a particle without weight is never picked.
     """
     total, last = 0.0, 0
     for i in range(len(weights)):
         total += weights[i]
         if weights[i] > 0.0:
             last = i
-    drawn = np.empty(len(positions), np.int64)
+    picked = np.empty(len(positions), np.int64)
     reached, i = weights[0], 0
     for k in range(len(positions)):
         while positions[k] * total >= reached and i < last:  # rounding must not carry a position beyond the last
             i += 1
             reached += weights[i]
-        drawn[k] = i
-    return drawn
+        picked[k] = i
+    return picked
 
 
 @njit(cache=True, nogil=True, fastmath=True)

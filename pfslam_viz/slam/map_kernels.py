@@ -18,16 +18,16 @@ BELOW_HALF = 0.5 - 1e-9  # of a cell; a line's offset is a half, or at least 1 /
 
 @njit(cache=True, nogil=True)
 def end_cells(
-    pose: Floats, points: Floats, sensor: Floats, cell: float
+    pose: Floats, points: Floats, lidar_position: Floats, cell: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
     """Cells (m + 1, 2) of the lidar and of the end points seen from ``pose``, their extent, and the points (m, 2).
 
-    ``points`` (m, 2) and ``sensor`` (2,) are in the robot's frame; the points come back in the world's. Cells are row,
-    column from the cell at the world's origin, so that they hold however the grid grows; the extent (4,) is least row,
-    column, greatest row, column.
+    ``points`` (m, 2) and ``lidar_position`` (2,) are in the robot's frame; the points come back in the world's. Cells
+    are row, column from the cell at the world's origin, so that they hold however the grid grows; the extent (4,) is
+    least row, column, greatest row, column.
     """
     cells = np.empty((len(points) + 1, 2), np.int64)
-    lidar, world = transform(pose, sensor.reshape(1, 2)), transform(pose, points)
+    lidar, world = transform(pose, lidar_position.reshape(1, 2)), transform(pose, points)
     extent = np.array([2**62, 2**62, -(2**62), -(2**62)])
     for b in range(len(cells)):
         x, y = (lidar[0, 0], lidar[0, 1]) if b == 0 else (world[b - 1, 0], world[b - 1, 1])
@@ -138,7 +138,7 @@ def write_scan(
 def add_scan(
     pose: Floats,
     points: Floats,
-    sensor: Floats,
+    lidar_position: Floats,
     log_odds: NDArray[np.float32],
     occupied: NDArray[np.uint8],
     touched: NDArray[np.uint8],
@@ -155,7 +155,7 @@ def add_scan(
 
     Returns whether they do, their extent (4,) from the cell at the world's origin and the points (m, 2) in the world.
     """
-    cells, extent, world = end_cells(pose, points, sensor, cell)
+    cells, extent, world = end_cells(pose, points, lidar_position, cell)
     rows, columns = log_odds.shape
     inside = (
         extent[0] + origin_row >= 1
@@ -173,7 +173,7 @@ def add_scans(
     poses: Floats,
     points: Floats,
     first: NDArray[np.int64],
-    sensors: Floats,
+    lidar_positions: Floats,
     done: int,
     log_odds: NDArray[np.float32],
     occupied: NDArray[np.uint8],
@@ -183,7 +183,7 @@ def add_scans(
 ) -> tuple[int, NDArray[np.int64]]:
     """:func:`add_scan` from scan ``done`` on, until one does not fit; how many are done then, and that one's extent.
 
-    Scan k is seen from ``poses[k]`` of (n, 3) with the lidar at ``sensors[k]`` of (n, 2); rows ``first[k]`` to
+    Scan k is seen from ``poses[k]`` of (n, 3) with the lidar at ``lidar_positions[k]`` of (n, 2); rows ``first[k]`` to
     ``first[k + 1]`` of ``points`` are its. ``mark`` to ``mark + n - 1`` must be new to ``touched``; the ``rest`` is as
     for :func:`add_scan`.
     """
@@ -192,7 +192,7 @@ def add_scans(
         inside, extent, _ = add_scan(
             poses[k],
             points[first[k] : first[k + 1]],
-            sensors[k],
+            lidar_positions[k],
             log_odds,
             occupied,
             touched,

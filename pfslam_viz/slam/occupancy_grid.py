@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pfslam_viz.config import MapConfig
+from pfslam_viz.settings import MapConfig
 from pfslam_viz.slam.worker import Worker
 
 Array = NDArray[np.float64]
@@ -31,8 +31,6 @@ class OccupancyGrid:
         occupied: (rows, columns) uint8; 1 where log_odds > threshold, (29).
         origin: row and column of the cell at the world's origin, (24) and (25).
     """
-
-    _LAYERS: tuple[str, ...] = ("log_odds", "occupied")  # what grows, cell by cell
 
     def __init__(self, config: MapConfig) -> None:
         self.config = config
@@ -99,15 +97,15 @@ class OccupancyGrid:
 
         return kernels.project(pose, points, self.occupied, *self.origin, self.cell)
 
-    def add(self, pose: Array, points: Array, sensor: Array) -> Array:
-        """Write a scan seen from ``pose`` (3,), (28): ``points`` (m, 2) and ``sensor`` (2,) in the robot's frame.
+    def add(self, pose: Array, points: Array, lidar_position: Array) -> Array:
+        """Write a scan seen from ``pose`` (3,), (28).
 
-        Returns the points in the world, (m, 2).
+        ``points`` (m, 2) and ``lidar_position`` (2,) are in the robot's frame. Returns the points in the world, (m, 2).
         """
         from pfslam_viz.slam import map_kernels
 
         while True:
-            inside, extent, world = map_kernels.add_scan(pose, points, sensor, *self._written(1))
+            inside, extent, world = map_kernels.add_scan(pose, points, lidar_position, *self._written(1))
             if inside:
                 return world
             self._grow_to(*extent.tolist())
@@ -116,9 +114,9 @@ class OccupancyGrid:
         """:meth:`add` up to 200 scans, one after the other."""
         from pfslam_viz.slam import map_kernels
 
-        poses, points, sensors = zip(*scans, strict=True)
+        poses, points, lidar_positions = zip(*scans, strict=True)
         first = np.cumsum([0, *(len(p) for p in points)])
-        arrays = np.array(poses), np.concatenate(points), first, np.array(sensors)
+        arrays = np.array(poses), np.concatenate(points), first, np.array(lidar_positions)
         done = 0
         while True:
             done, extent = map_kernels.add_scans(*arrays, done, *self._written(len(scans)))
@@ -127,7 +125,7 @@ class OccupancyGrid:
             self._grow_to(*extent.tolist())
 
     def catch_up(self) -> None:
-        """Begin to draw what is not drawn yet, if the grid puts that off: somebody will look."""
+        """Begin to write what is not written yet, if the grid puts that off: somebody will look."""
 
     def _written(self, scans: int) -> tuple[Any, ...]:
         """What the kernels that write so many scans take of the grid, with marks that are new for each."""
@@ -146,9 +144,7 @@ class OccupancyGrid:
         after = column + right + 1 + MARGIN - columns if column + right > columns - 2 else 0
         if above or before or below or after:
             pad = ((above, below), (before, after))
-            for name in self._LAYERS:
-                layer = getattr(self, name)
-                setattr(self, name, np.pad(layer, (*pad, (0, 0))[: layer.ndim]))
+            self.log_odds, self.occupied = np.pad(self.log_odds, pad), np.pad(self.occupied, pad)
             self.origin = (row + above, column + before)
             self._scratch = Scratch(self.shape)
 

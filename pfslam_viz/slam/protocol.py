@@ -1,6 +1,6 @@
-"""What replay asks of a SLAM back end, and what it answers: the two filters are interchangeable behind this."""
+"""What replay asks of a SLAM back end, and what it answers: back ends are interchangeable behind this."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -16,13 +16,13 @@ class Scan:
     """One lidar scan, cut to its usable beams.
 
     ``points`` (m, 2) float64 are the end points in the robot's frame, m, (22) with the lidar's place on the robot;
-    ``origin`` (2,) is the lidar there. ``index`` and ``stamp`` (s) are the recording's.
+    ``lidar_position`` (2,) is the lidar there. ``index`` and ``stamp`` (s) are the recording's.
     """
 
     index: int
     stamp: float
     points: Array
-    origin: Array
+    lidar_position: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,13 +60,10 @@ class Estimate:
         mean: (3,) E(x), (33), heading by the circular mean.
         covariance: (3, 3) of the particles about the mean.
         n_eff: (30).
-        resampled: whether particles were drawn anew after this scan.
+        resampled: whether particles were resampled after this scan.
         informative: False when every correlation was zero, so that the weights stayed as they were.
         parents: (N,) the index of the particle in the previous step that each particle came from.
         match: what scan matching changed, if the back end matches.
-        map_updated: whether the grid changed.
-        closures: loops closed at this scan.
-        history: (k, 3) the best particle's whole trajectory as known now, when it is more than ``best`` appended.
     """
 
     particles: Array
@@ -79,9 +76,6 @@ class Estimate:
     informative: bool
     parents: NDArray[np.intp]
     match: Match | None = None
-    map_updated: bool = True
-    closures: tuple[LoopClosure, ...] = field(default_factory=tuple)
-    history: Array | None = None
 
 
 class Slam(Protocol):
@@ -110,7 +104,7 @@ class Slam(Protocol):
         ...
 
     def resample(self) -> None:
-        """Draw the particles anew if it is time: (30) to (32)."""
+        """Resample the particles if it is time: (30) to (32)."""
         ...
 
     def estimate(self) -> Estimate:
@@ -119,6 +113,11 @@ class Slam(Protocol):
 
     def trajectory(self) -> Array:
         """(n, 3) the whole trajectory as known now, a pose for every scan so far."""
+        ...
+
+    @property
+    def settles(self) -> bool:
+        """Whether :meth:`finish` may move the trajectory."""
         ...
 
     @property

@@ -1,4 +1,4 @@
-"""When particles are drawn anew, and how: equations (30) to (32)."""
+"""When particles are resampled, and how: equations (30) to (32)."""
 
 from collections.abc import Callable
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from pfslam_viz.config import ResamplingConfig
+from pfslam_viz.settings import ResamplingConfig
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

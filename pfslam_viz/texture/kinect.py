@@ -17,13 +17,15 @@ COLOR_SCALE = 585.051
 
 def inverse_depth(disparity: ArrayLike) -> Array:
     """dd of the course's conversion, -0.00304 d + 3.31: 1.03 over the depth in m. Not positive: no depth."""
-    return -0.00304 * np.asarray(disparity, dtype=np.float64) + 3.31
+    inverse: Array = -0.00304 * np.asarray(disparity, dtype=np.float64) + 3.31
+    return inverse
 
 
 def depth_from_disparity(disparity: ArrayLike) -> Array:
     """Depth in m along the optical axis of raw disparities of any shape; inf where they mean no depth."""
     dd = inverse_depth(disparity)
-    return np.divide(1.03, dd, out=np.full(np.shape(dd), np.inf), where=dd > 0)
+    depth: Array = np.divide(1.03, dd, out=np.full(np.shape(dd), np.inf), where=dd > 0)
+    return depth
 
 
 @dataclass(frozen=True, slots=True)

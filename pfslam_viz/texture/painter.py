@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pfslam_viz import geometry
-from pfslam_viz.config import TextureConfig
 from pfslam_viz.recordings.images import UnusableImage, read_image
 from pfslam_viz.recordings.recording import Frames
+from pfslam_viz.settings import TextureConfig
 from pfslam_viz.texture.floor_texture import FloorTexture
 from pfslam_viz.texture.kinect import FloorView
 

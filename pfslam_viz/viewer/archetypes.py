@@ -1,4 +1,4 @@
-"""Blocks as columns of Rerun's archetypes, worked out for a whole block at once, and pictures as archetypes."""
+"""Batches of scans, and other contents, as columns of Rerun's archetypes."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -8,9 +8,9 @@ import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
-from pfslam_viz.viewer.block import Block, Ragged, stride
+from pfslam_viz.viewer.contents import Boxes, Cells, Content, Lines
 from pfslam_viz.viewer.entities import WEIGHT_RAMP
-from pfslam_viz.viewer.pictures import Boxes, Cells, Content, Lines
+from pfslam_viz.viewer.scan_batch import Ragged, ScanBatch, stride
 
 Array = NDArray[np.float64]
 Points = NDArray[np.float32]
@@ -44,21 +44,21 @@ def point_columns(points: Ragged, z: float) -> Any:
 _RAMP = np.array([(r << 24) | (g << 16) | (b << 8) | 255 for r, g, b in WEIGHT_RAMP], np.uint32)
 
 
-def particle_columns(block: Block, most: int, z: float) -> tuple[Any, Any]:
+def particle_columns(scans: ScanBatch, most: int, z: float) -> tuple[Any, Any]:
     """At most so many particles a scan as points, some of them as arrows along their heading; coloured by weight.
 
     Positions are rounded to a quarter of the cloud's standard deviation (a fortieth where particles are few, which
     costs little), at most to :data:`RESOLUTION`.
     """
-    kept = [_by_weight(weights, most) for weights in block.weights.rows()]
+    kept = [_by_weight(weights, most) for weights in scans.weights.rows()]
     lengths = np.array([len(order) for order in kept])
     ends = np.cumsum(lengths)
-    starts = np.cumsum(block.weights.lengths) - block.weights.lengths
+    starts = np.cumsum(scans.weights.lengths) - scans.weights.lengths
     chosen = np.concatenate(kept) + np.repeat(starts, lengths)
-    particles, weights = block.particles.values[chosen], block.weights.values[chosen]
+    particles, weights = scans.particles.values[chosen], scans.weights.values[chosen]
     levels = len(WEIGHT_RAMP)
     level = np.minimum((weights / np.repeat(weights[ends - 1], lengths) * levels).astype(np.intp), levels - 1)
-    spread = np.sqrt(np.maximum(np.trace(block.covariance, axis1=1, axis2=2), 0.0))
+    spread = np.sqrt(np.maximum(np.trace(scans.covariance, axis1=1, axis2=2), 0.0))
     spread = np.repeat(spread, lengths)[:, None]
     few = np.repeat(lengths <= FEW, lengths)[:, None]
     grain = np.clip(spread / np.where(few, 40, 4), RESOLUTION / 50, RESOLUTION)
@@ -136,8 +136,8 @@ def scalar_columns(values: Any) -> Any:
     return rr.Scalars.columns(scalars=np.asarray(values, np.float64))
 
 
-def picture_columns(contents: Sequence[Content]) -> Any:
-    """What one entity shows, a picture a row: one at least, all of one kind."""
+def content_columns(contents: Sequence[Content]) -> Any:
+    """What one entity shows, a content a row: one at least, all of one kind."""
     rows: list[Any] = list(contents)
     if isinstance(rows[0], Cells):
         return _grid_map_columns(rows)

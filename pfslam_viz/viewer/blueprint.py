@@ -8,9 +8,9 @@ from rerun import Points3D, Radius
 
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.viewer import entities
-from pfslam_viz.viewer.entities import Entities
+from pfslam_viz.viewer.entities import ENTITIES, Kind, View
 from pfslam_viz.viewer.framing import Framing, overhead_size
-from pfslam_viz.viewer.style import FOLLOW_HEIGHT
+from pfslam_viz.viewer.style import CLOSE_UP, FOLLOW_HEIGHT, LOUPE
 
 LONGEST = 60.0  # s that a replay takes at most, however long the recording
 SPEED_UP = 2.0  # times real time, unless that takes longer
@@ -18,9 +18,6 @@ MAPS_IN_A_ROW = 3
 
 BACKGROUND = (112, 137, 134)
 """What the viewer draws unknown cells in: a view looks the same inside and outside the map."""
-
-TRUTH = ["+ /world/truth/trajectory/**"]
-ROBOT = ("robot/shape", "robot/outline")
 
 
 def blueprint(recording: Recording, framing: Framing, runs: Sequence[str], live: bool = False) -> rrb.Blueprint:
@@ -69,90 +66,86 @@ def _overhead(origin: str, aspect: float, name: str, contents: list[str], **more
     )
 
 
-def _of_run(run: str, *names: str) -> list[str]:
-    return [f"+ /{Entities(run).filter(name)}" for name in names]
+def contents(view: View, run: str, *owners: str) -> list[str]:
+    """Queries for what a spatial view shows of these owners: ``{run}``, ``dead_reckoning`` or ``truth``."""
+    found: list[str] = []
+    for row in ENTITIES:
+        if view in row.views and row.owner in owners:
+            paths = row.visible(run)
+            outline_only = view is View.CLOSE_UP and row.kind is Kind.ROBOT  # its shape would cover the particles
+            found += paths[-1:] if outline_only else paths
+    return [f"+ /{path}" for path in found]
 
 
 def _compare(runs: Sequence[str], recording: Recording, framing: Framing) -> rrb.Container:
-    names = ("map", "scan", "trajectory/**", *ROBOT)
-    reckoned = [f"+ /{entities.dead_reckoning(name)}" for name in names]
-    maps = [_overhead(entities.OVERVIEW, framing.aspect, "Dead reckoning: wheels and gyro alone", reckoned + TRUTH)]
-    drawn = ("map", "scan/**", "particles", "trajectory/**", "hindsight", "closures", *ROBOT)
+    reckoned = contents(View.COMPARE, "", "dead_reckoning", "truth")
+    maps = [_overhead(entities.OVERVIEW, framing.aspect, "Dead reckoning: wheels and gyro alone", reckoned)]
     for run in runs:
         title = "Particle filter" if len(runs) == 1 else f"Particle filter: {run}"
-        maps.append(_overhead(entities.OVERVIEW, framing.aspect, title, _of_run(run, *drawn) + TRUTH))
-    alone = len(runs) == 1
-    plots = [_plot(recording, "drift", "Dead reckoning from filter (m)", legend=not alone)]
-    if recording.truth is not None:
-        plots.append(_plot(recording, "error", "Error against truth (m)"))
-    plots += [
-        _plot(recording, "n_eff", "N_eff: effective particles", legend=not alone),
-        _plot(recording, "spread", "Spread of the particles (m)", legend=not alone),
-    ]
+        shown = contents(View.COMPARE, run, "{run}", "truth")
+        maps.append(_overhead(entities.OVERVIEW, framing.aspect, title, shown))
     row = rrb.Horizontal(*maps) if len(maps) <= MAPS_IN_A_ROW else rrb.Grid(*maps, grid_columns=2)
-    return rrb.Vertical(row, rrb.Horizontal(*plots), row_shares=[5, 2], name="Compare")
+    plots = rrb.Horizontal(*_plots(View.COMPARE_PLOTS, recording, runs))
+    return rrb.Vertical(row, plots, row_shares=[5, 2], name="Compare")
 
 
-def _plot(
-    recording: Recording, name: str, title: str, contents: list[str] | None = None, legend: bool = True
-) -> rrb.TimeSeriesView:
+def _plots(view: View, recording: Recording, runs: Sequence[str]) -> list[rrb.TimeSeriesView]:
+    """The plots of a tab with these runs' curves; a legend where a plot has several."""
     boundary = rrb.TimeRangeBoundary.absolute
     whole = rrb.TimeRange(start=boundary(seq=0), end=boundary(seq=len(recording) - 1))
-    return rrb.TimeSeriesView(
-        origin=f"/plots/{name}",
-        contents=contents or ["$origin/**"],
-        name=title,
-        axis_x=rrb.TimeAxis(link="Independent", view_range=whole),
-        plot_legend=rrb.PlotLegend(corner="LeftTop", visible=legend),
-    )
+    curves = [row for row in ENTITIES if view in row.views and (row.plot != "error" or recording.truth is not None)]
+    plots = []
+    for first in curves:
+        if first.title:
+            paths = dict.fromkeys(row.path(run) for row in curves if row.plot == first.plot for run in runs)
+            plots.append(
+                rrb.TimeSeriesView(
+                    origin=f"/plots/{first.plot}",
+                    contents=[f"+ /{path}" for path in paths],
+                    name=first.title,
+                    axis_x=rrb.TimeAxis(link="Independent", view_range=whole),
+                    plot_legend=rrb.PlotLegend(corner="LeftTop", visible=len(paths) > 1),
+                )
+            )
+    return plots
 
 
 def _filter(run: str, several: bool, recording: Recording) -> rrb.Container:
-    path = Entities(run).filter
-    both = ("map", "scan/**", "trajectory/**", "particles", "covariance", "mean", "degenerate")
+    follow = entities.FOLLOW.path(run)
     close_up = _overhead(
-        path("follow/close_up"),
+        f"{follow}/{CLOSE_UP}",
         1.0,
         f"Round the robot ({FOLLOW_HEIGHT:g} m)",
-        _of_run(run, *both, "closures", "robot/outline") + TRUTH,
+        contents(View.CLOSE_UP, run, "{run}", "truth"),
     )
     loupe = _overhead(
-        path("follow/loupe"),
+        f"{follow}/{LOUPE}",
         1.0,
         "The particles, coloured by weight",
-        _of_run(run, *both, "headings", "lineages", "correction") + TRUTH,
-        overrides={f"/{path('particles')}": Points3D.from_fields(radii=Radius.ui_points(3.0))},
+        contents(View.LOUPE, run, "{run}", "truth"),
+        overrides={f"/{entities.PARTICLES.path(run)}": Points3D.from_fields(radii=Radius.ui_points(3.0))},
     )
-    plots = [
-        _plot(
-            recording,
-            "correlation",
-            "End points on occupied cells",
-            [f"+ /{Entities(run).plot('correlation')}"],
-            legend=False,
-        ),
-        _plot(recording, "n_eff", "N_eff: effective particles", [f"+ /{Entities(run).plot('n_eff')}"], legend=False),
-        _plot(recording, "lineages", "Surviving lineages", [f"+ /{Entities(run).plot('lineages')}"], legend=False),
-        _plot(recording, "heading_drift", "Heading: dead reckoning from filter (°)", legend=False)
-        if not several
-        else _plot(
-            recording, "heading_drift", "Heading drift (°)", [f"+ /{Entities(run).plot('heading_drift')}"], legend=False
-        ),
-    ]
+    plots = rrb.Horizontal(*_plots(View.FILTER_PLOTS, recording, [run]))
     name = run if several else "Filter"
-    return rrb.Vertical(rrb.Horizontal(close_up, loupe), rrb.Horizontal(*plots), row_shares=[5, 2], name=name)
+    return rrb.Vertical(rrb.Horizontal(close_up, loupe), plots, row_shares=[5, 2], name=name)
 
 
 def _texture(run: str, several: bool, framing: Framing) -> rrb.Container:
-    paths = Entities(run)
-    floor = _of_run(run, "map", "texture", "trajectory/**", *ROBOT)
-    camera, disparity = f"/{paths.filter('robot/camera')}", f"/{paths.disparity_image}"
     images = rrb.Vertical(
-        rrb.Spatial2DView(origin=camera, contents=["$origin"], name="Colour camera"),
-        rrb.Spatial2DView(origin=disparity, contents=["$origin"], name="Depth camera (bright is near)"),
+        *(
+            rrb.Spatial2DView(origin=f"/{row.path(run)}", contents=["$origin"], name=name)
+            for view, name in (
+                (View.COLOR_CAMERA, "Colour camera"),
+                (View.DEPTH_CAMERA, "Depth camera (bright is near)"),
+            )
+            for row in ENTITIES
+            if view in row.views
+        )
     )
     name = run if several else "Texture"
-    view = _overhead(entities.OVERVIEW, framing.aspect, "Floor texture over the map", floor)
+    view = _overhead(
+        entities.OVERVIEW, framing.aspect, "Floor texture over the map", contents(View.TEXTURE, run, "{run}")
+    )
     return rrb.Horizontal(view, images, column_shares=[5, 2], name=name)
 
 
@@ -166,11 +159,9 @@ def _three_d(run: str, several: bool, framing: Framing) -> rrb.Spatial3DView:
     )
     eye = np.array([x, y]) + reach * (0.64 * back - 0.08 * aside)
     target = np.array([x, y]) + 0.08 * reach * back
-    names = ("map", "walls", "texture", "scan/**", "particles", "trajectory/**", "hindsight", "robot/**", "closures")
-    reckoned = [f"+ /{entities.dead_reckoning(name)}" for name in ("trajectory/**", "robot/**")]
     return rrb.Spatial3DView(
         origin="/world",
-        contents=_of_run(run, *names) + reckoned + TRUTH,
+        contents=contents(View.THREE_D, run, "{run}", "dead_reckoning", "truth"),
         name=run if several else "3-D",
         background=BACKGROUND,
         line_grid=rrb.LineGrid3D(visible=False),

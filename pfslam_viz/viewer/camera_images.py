@@ -9,15 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz.recordings.recording import Frames
-from pfslam_viz.viewer import pictures
-from pfslam_viz.viewer.pictures import Jpeg
+from pfslam_viz.viewer import contents
+from pfslam_viz.viewer.contents import Jpeg
+from pfslam_viz.viewer.entities import COLOR_IMAGE, DISPARITY_IMAGE, Entity
 
 AHEAD = 2  # images that are decoded before they are due; not many, so that the floor's painter finds them decoded
 
 
 @dataclass
 class _Kind:
-    name: str
+    entity: Entity
     stamps: NDArray[np.float64]
     paths: list[Path]
     encode: Callable[[Path], Jpeg | None]
@@ -34,9 +35,9 @@ class CameraImages:
         self._pool: ThreadPoolExecutor | None = None
         if frames is None:
             return
-        for name, stamps, paths, encode in (
-            ("color", frames.color_stamps, frames.color_paths, pictures.color_jpeg),
-            ("disparity", frames.disparity_stamps, frames.disparity_paths, pictures.disparity_jpeg),
+        for entity, stamps, paths, encode in (
+            (COLOR_IMAGE, frames.color_stamps, frames.color_paths, contents.color_jpeg),
+            (DISPARITY_IMAGE, frames.disparity_stamps, frames.disparity_paths, contents.disparity_jpeg),
         ):
             there = [
                 i for i, path in enumerate(paths) if path is not None and stamps[i] <= span[1] and stamps[i] >= span[0]
@@ -44,11 +45,11 @@ class CameraImages:
             kept = there[:: max(-(-len(there) // budget), 1)]
             if kept:
                 files = [path for i in kept if (path := paths[i]) is not None]
-                self._kinds.append(_Kind(name, np.asarray(stamps)[kept], files, encode))
+                self._kinds.append(_Kind(entity, np.asarray(stamps)[kept], files, encode))
                 self.available = max(self.available, len(there))
 
-    def due(self, stamp: float) -> Iterator[tuple[str, Jpeg]]:
-        """Kind and JPEG of each image that has come since the last call; the newest where several have."""
+    def due(self, stamp: float) -> Iterator[tuple[Entity, Jpeg]]:
+        """Entity and JPEG of each image that has come since the last call; the newest where several have."""
         for kind in self._kinds:
             if kind.next == len(kind.stamps) or stamp < kind.stamps[kind.next]:
                 continue
@@ -61,7 +62,7 @@ class CameraImages:
                 self._decoded(kind, coming)
             if contents is not None:
                 self.logged += kind is self._kinds[0]
-                yield kind.name, contents
+                yield kind.entity, contents
 
     def close(self) -> None:
         """Stop decoding."""

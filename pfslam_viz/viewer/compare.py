@@ -10,10 +10,9 @@ from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.replay import Replay, Result
 from pfslam_viz.step import Step
 from pfslam_viz.viewer import entities
+from pfslam_viz.viewer.collector import Collector, StreamOptions
 from pfslam_viz.viewer.drawing import Drawing, send_scene
-from pfslam_viz.viewer.entities import Entities
 from pfslam_viz.viewer.framing import Framing, aspect_of
-from pfslam_viz.viewer.gatherer import Gatherer, StreamOptions
 from pfslam_viz.viewer.sinks import Sink
 from pfslam_viz.viewer.stream import ReplayStream
 
@@ -55,10 +54,10 @@ def compare(
     options = options or StreamOptions()
     drawings, streams = [], []
     for index, (config, name, color) in enumerate(zip(configs, names, entities.RUNS, strict=False)):
-        run, shared = Entities(name), index == 0
-        drawing = Drawing(recording, config, sink, run, options.max_particles, color=color.rgb, shared=shared)
+        shared = index == 0
+        drawing = Drawing(recording, config, sink, options.max_particles, run=name, color=color, shared=shared)
         drawings.append(drawing)
-        streams.append(ReplayStream(Gatherer(recording, options, run, shared=shared), drawing, alone=False))
+        streams.append(ReplayStream(Collector(recording, options, name, shared=shared), drawing, alone=False))
     send_scene(drawings, Framing.of_recording(recording, aspect_of(panels)))
     replays = [Replay(recording, config) for config in configs]
     with ExitStack() as stack:

@@ -1,4 +1,4 @@
-"""Blocks and pictures as entities of a Rerun recording. Draws what they hold and estimates nothing."""
+"""Collected scans and contents as entities of a Rerun recording. Draws what they hold and estimates nothing."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -10,11 +10,11 @@ from pfslam_viz import geometry
 from pfslam_viz.config import Config
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.viewer import archetypes, entities, pages, style
-from pfslam_viz.viewer.block import Block
 from pfslam_viz.viewer.blueprint import blueprint
-from pfslam_viz.viewer.entities import LIDAR_Z, PARTICLE_Z, POSE_Z, TRAIL_Z, TRUTH_Z, Entities
+from pfslam_viz.viewer.contents import Cells, TimedContent
+from pfslam_viz.viewer.entities import ONLY_RUN, RUN_CURVES, Color, Entity
 from pfslam_viz.viewer.framing import Framing
-from pfslam_viz.viewer.pictures import Cells, Picture
+from pfslam_viz.viewer.scan_batch import ScanBatch
 from pfslam_viz.viewer.sinks import Sink
 from pfslam_viz.viewer.trail import Trail
 
@@ -25,14 +25,14 @@ CHUNK_BYTES = 2_000_000  # of maps or textures that are sent at once: what a vie
 
 
 class Drawing:
-    """One run, drawn to a sink: :meth:`draw` what was gathered, then :meth:`finish`.
+    """One run, drawn to a sink: :meth:`draw` what was collected, then :meth:`finish`.
 
     Args:
         recording: what is replayed.
         config: with which settings.
         sink: where it goes.
-        names: what the run's entities are called.
         max_particles: at most so many of a scan are drawn.
+        run: what the run is called in the paths of its entities.
         color: the run's colour.
         shared: whether to draw what runs have in common: dead reckoning and truth.
     """
@@ -42,120 +42,128 @@ class Drawing:
         recording: Recording,
         config: Config,
         sink: Sink,
-        names: Entities,
         max_particles: int,
         *,
-        color: entities.Color = entities.FILTER,
+        run: str = ONLY_RUN,
+        color: Color = entities.FILTER,
         shared: bool = True,
     ) -> None:
-        self.recording, self.config, self.sink, self.entities = recording, config, sink, names
+        self.recording, self.config, self.sink, self.run = recording, config, sink, run
         self.logged: set[str] = set()
         self._max_particles, self._shared = max_particles, shared
-        self._trails: dict[str, Trail] = {}
+        self._trails: dict[Entity, Trail] = {}
         self._spreads = np.zeros(0)
-        style.style_run(sink, names, color, recording.frames)
+        style.style_run(sink, run, color, recording.frames)
         if shared:
             style.style_shared(sink, recording)
 
-    def draw(self, block: Block | None, pictures: Sequence[Picture]) -> None:
-        """Draw the scans and the pictures, and push them to where they go, once the ones before have got there."""
+    def draw(self, scans: ScanBatch | None, contents: Sequence[TimedContent]) -> None:
+        """Draw the scans and the contents, and push them to where they go, once the ones before have got there."""
         self.sink.check()
-        if block is not None:
-            self._draw_run(block)
-            self._draw_plots(block)
+        if scans is not None:
+            self._draw_run(scans)
+            self._draw_plots(scans)
             if self._shared:
-                self._draw_shared(block)
-        by_path: dict[str, list[Picture]] = {}
-        for picture in pictures:
-            by_path.setdefault(picture.path, []).append(picture)
+                self._draw_shared(scans)
+        by_path: dict[str, list[TimedContent]] = {}
+        for content in contents:
+            by_path.setdefault(content.path, []).append(content)
         for path, shown in by_path.items():
-            self._draw_pictures(path, shown)
+            self._draw_contents(path, shown)
         self.sink.push()
 
     def finish(self, framing: Framing | None, left_out: Sequence[str]) -> None:
         """Everything is drawn: settle the particles' own view; with ``framing``, the pages and the layout too."""
         if len(self._spreads):
-            style.log_loupe(self.sink, self.entities, float(np.percentile(self._spreads, 75)))
+            style.log_loupe(self.sink, self.run, float(np.percentile(self._spreads, 75)))
         if framing is not None:
             send_scene([self], framing, left_out)
 
-    # Blocks of scans --------------------------------------------------------------------------------------------------
+    # Batches of scans ------------------------------------------------------------------------------------------------
 
-    def _send(self, path: str, block: Block, columns: Any) -> None:
+    def _send(self, row: Entity, scans: ScanBatch, columns: Any) -> None:
+        self._send_rows(row.path(self.run), scans.index, scans.time, columns)
+
+    def _send_rows(self, path: str, steps: Any, seconds: Any, columns: Any) -> None:
         self.logged.add(path)
-        self.sink.send_columns(path, archetypes.time_columns(block.index, block.time), columns)
+        self.sink.send_columns(path, archetypes.time_columns(steps, seconds), columns)
 
-    def _draw_run(self, block: Block) -> None:
-        path = self.entities.filter
-        particles, headings = archetypes.particle_columns(block, self._max_particles, PARTICLE_Z)
-        self._send(path("particles"), block, particles)
-        self._send(path("headings"), block, headings)
-        hits = block.hits.values
-        for name, mask in (("scan/hit", hits), ("scan/miss", ~hits)):
-            self._send(path(name), block, archetypes.point_columns(block.end_points.where(mask), LIDAR_Z))
-        self._send(path("robot"), block, archetypes.pose_columns(block.best, POSE_Z))
-        self._send(path("mean"), block, archetypes.pose_columns(block.mean, POSE_Z))
-        self._send(path("covariance"), block, archetypes.ellipse_columns(block.mean, block.covariance, POSE_Z))
-        self._send(path("follow"), block, archetypes.position_columns(block.best, 0.0))
-        self._send_trail(path("trajectory"), block, block.best)
-        if block.correction is not None:
-            c, s = np.cos(block.best[:, 2]), np.sin(block.best[:, 2])
-            x, y = block.correction[:, 0], block.correction[:, 1]
+    def _draw_run(self, scans: ScanBatch) -> None:
+        particles, headings = archetypes.particle_columns(scans, self._max_particles, entities.PARTICLES.z)
+        self._send(entities.PARTICLES, scans, particles)
+        self._send(entities.HEADINGS, scans, headings)
+        hits = scans.hits.values
+        for row, mask in ((entities.SCAN_HIT, hits), (entities.SCAN_MISS, ~hits)):
+            self._send(row, scans, archetypes.point_columns(scans.end_points.where(mask), row.z))
+        self._send_poses(entities.ROBOT, scans, scans.best)
+        self._send_poses(entities.MEAN, scans, scans.mean)
+        ellipses = archetypes.ellipse_columns(scans.mean, scans.covariance, entities.COVARIANCE.z)
+        self._send(entities.COVARIANCE, scans, ellipses)
+        self._send(entities.FOLLOW, scans, archetypes.position_columns(scans.best, entities.FOLLOW.z))
+        self._send_trail(entities.TRAJECTORY, scans, scans.best)
+        if scans.correction is not None:
+            c, s = np.cos(scans.best[:, 2]), np.sin(scans.best[:, 2])
+            x, y = scans.correction[:, 0], scans.correction[:, 1]
             arrows = CORRECTION_SCALE * np.stack([c * x - s * y, s * x + c * y], axis=-1)
-            self._send(path("correction"), block, archetypes.arrow_columns(block.best[:, :2] - arrows, arrows, POSE_Z))
+            starts = scans.best[:, :2] - arrows
+            self._send(entities.CORRECTION, scans, archetypes.arrow_columns(starts, arrows, entities.CORRECTION.z))
             lines = [
                 np.zeros((0, 2)) if axis is None else pose[:2] + np.array([[-1.0], [1.0]]) * axis
-                for pose, axis in zip(block.best, block.degenerate, strict=True)
+                for pose, axis in zip(scans.best, scans.degenerate, strict=True)
             ]
-            self._send(path("degenerate"), block, archetypes.strip_columns(lines, POSE_Z))
+            self._send(entities.DEGENERATE, scans, archetypes.strip_columns(lines, entities.DEGENERATE.z))
 
-    def _draw_shared(self, block: Block) -> None:
-        path = entities.dead_reckoning
-        self._send(path("scan"), block, archetypes.point_columns(block.dead_reckoning_end_points, LIDAR_Z))
-        self._send(path("robot"), block, archetypes.pose_columns(block.dead_reckoning, POSE_Z))
-        self._send_trail(path("trajectory"), block, block.dead_reckoning)
-        if block.truth is not None:
-            self._send(entities.truth("robot"), block, archetypes.pose_columns(block.truth, POSE_Z))
-            self._send_trail(entities.truth("trajectory"), block, block.truth, TRUTH_Z)
-            error = block.dead_reckoning - block.truth
-            distance = np.hypot(error[:, 0], error[:, 1])
-            self._send(entities.shared_plot("error", "dead_reckoning"), block, archetypes.scalar_columns(distance))
+    def _draw_shared(self, scans: ScanBatch) -> None:
+        end_points = archetypes.point_columns(scans.dead_reckoning_end_points, entities.RECKONED_SCAN.z)
+        self._send(entities.RECKONED_SCAN, scans, end_points)
+        self._send_poses(entities.RECKONED_ROBOT, scans, scans.dead_reckoning)
+        self._send_trail(entities.RECKONED_TRAJECTORY, scans, scans.dead_reckoning)
+        if scans.truth is not None:
+            self._send_poses(entities.TRUE_ROBOT, scans, scans.truth)
+            self._send_trail(entities.TRUE_TRAJECTORY, scans, scans.truth)
+            error = archetypes.scalar_columns(_distance(scans.dead_reckoning, scans.truth))
+            self._send(entities.RECKONED_ERROR, scans, error)
 
-    def _send_trail(self, path: str, block: Block, poses: Array, z: float = TRAIL_Z) -> None:
-        trail = self._trails.setdefault(path, Trail(len(self.recording)))
+    def _send_poses(self, row: Entity, scans: ScanBatch, poses: Array) -> None:
+        self._send(row, scans, archetypes.pose_columns(poses, row.z))
+
+    def _send_trail(self, row: Entity, scans: ScanBatch, poses: Array) -> None:
+        trail = self._trails.setdefault(row, Trail(len(self.recording)))
         finished, open_strips = trail.extend(poses)
-        self._send(f"{path}/open", block, archetypes.strip_columns(open_strips, z))
+        done, latest = row.visible(self.run)
+        self._send_rows(latest, scans.index, scans.time, archetypes.strip_columns(open_strips, row.z))
         if finished:
-            rows = [row for row, _ in finished]
-            times = archetypes.time_columns(block.index[rows], block.time[rows])
-            self.logged.add(f"{path}/done")
-            columns = archetypes.strip_columns([strip for _, strip in finished], z)
-            self.sink.send_columns(f"{path}/done", times, columns)
+            rows = [k for k, _ in finished]
+            columns = archetypes.strip_columns([strip for _, strip in finished], row.z)
+            self._send_rows(done, scans.index[rows], scans.time[rows], columns)
 
-    def _draw_plots(self, block: Block) -> None:
-        apart = block.best - block.dead_reckoning
+    def _draw_plots(self, scans: ScanBatch) -> None:
         curves: dict[str, Any] = {
-            **block.curves,
-            "drift": np.hypot(apart[:, 0], apart[:, 1]),
-            "heading_drift": np.degrees(np.abs(geometry.wrap(apart[:, 2]))),
-            "spread": np.sqrt(np.maximum(np.trace(block.covariance, axis1=1, axis2=2), 0.0)),
+            **scans.curves,
+            "drift": _distance(scans.best, scans.dead_reckoning),
+            "heading_drift": np.degrees(np.abs(geometry.wrap(scans.best[:, 2] - scans.dead_reckoning[:, 2]))),
+            "spread": np.sqrt(np.maximum(np.trace(scans.covariance, axis1=1, axis2=2), 0.0)),
         }
         self._spreads = np.concatenate([self._spreads, curves["spread"]])
-        if block.truth is not None:
-            error = block.best - block.truth
-            curves["error"] = np.hypot(error[:, 0], error[:, 1])
+        if scans.truth is not None:
+            curves["error"] = _distance(scans.best, scans.truth)
         for name, values in curves.items():
-            self._send(self.entities.plot(name), block, archetypes.scalar_columns(values))
+            self._send(RUN_CURVES[name], scans, archetypes.scalar_columns(values))
 
-    def _draw_pictures(self, path: str, pictures: Sequence[Picture]) -> None:
-        """Pictures of one entity; few at a time where they are large."""
-        self.logged.add(path)
-        largest = max(p.content.values.nbytes if isinstance(p.content, Cells) else 0 for p in pictures)
-        at_once = max(CHUNK_BYTES // largest, 1) if largest else len(pictures)
-        for k in range(0, len(pictures), at_once):
-            some = pictures[k : k + at_once]
-            times = archetypes.time_columns([p.step for p in some], [p.seconds for p in some])
-            self.sink.send_columns(path, times, archetypes.picture_columns([p.content for p in some]))
+    def _draw_contents(self, path: str, contents: Sequence[TimedContent]) -> None:
+        """Contents of one entity; few at a time where they are large."""
+        largest = max(p.content.values.nbytes if isinstance(p.content, Cells) else 0 for p in contents)
+        at_once = max(CHUNK_BYTES // largest, 1) if largest else len(contents)
+        for k in range(0, len(contents), at_once):
+            some = contents[k : k + at_once]
+            columns = archetypes.content_columns([p.content for p in some])
+            self._send_rows(path, [p.step for p in some], [p.seconds for p in some], columns)
+
+
+def _distance(some: Array, others: Array) -> Array:
+    """How far poses (n, 3) are from others, m."""
+    apart = some[:, :2] - others[:, :2]
+    return np.hypot(apart[:, 0], apart[:, 1])
 
 
 def send_scene(drawings: Sequence[Drawing], framing: Framing, left_out: Sequence[str] | None = None) -> None:
@@ -167,7 +175,7 @@ def send_scene(drawings: Sequence[Drawing], framing: Framing, left_out: Sequence
     final = left_out is not None
     sink, recording = drawings[0].sink, drawings[0].recording
     style.log_framing(sink, framing)
-    names = [drawing.entities.run for drawing in drawings]
+    names = [drawing.run for drawing in drawings]
     logged = {path for drawing in drawings for path in drawing.logged} if final else None
     style.log_page(sink, entities.HELP, pages.help_page(names, logged))
     about = pages.about_page(recording, [drawing.config for drawing in drawings], left_out or ())

@@ -1,4 +1,7 @@
-"""What the recording's entities are called, and how they are coloured.
+"""The table of what a recording shows, a row for each entity, and the colours.
+
+Styles, the help page and the layout read the table; to add an entity, add its row and fill it with data in
+:mod:`pfslam_viz.viewer.drawing` or :mod:`pfslam_viz.viewer.collector` (docs/adding.md has the steps).
 
 The colours of things that appear together are told apart under protanopia, deuteranopia and tritanopia (a test
 simulates all three), and are of middle lightness, so that they show on the white floor of a map, on its black walls,
@@ -6,34 +9,30 @@ and on the viewer's dark and light theme.
 """
 
 from dataclasses import dataclass
+from enum import Enum, auto
+from typing import Literal
 
 Color = tuple[int, int, int]
+"""Red, green and blue, 0 to 255."""
 
-DEAD_RECKONING: Color = (213, 94, 0)  # vermilion
-FILTER: Color = (0, 110, 220)  # blue
-TRUTH: Color = (0, 158, 115)  # green
-HIT: Color = (86, 196, 245)  # light blue
-MISS: Color = (204, 40, 140)  # magenta
-HINDSIGHT: Color = (120, 70, 200)  # violet
-LINEAGE: Color = (160, 130, 215)  # pale violet
-WALL: Color = (70, 84, 92)  # slate
+DEAD_RECKONING: Color = (213, 94, 0)
+FILTER: Color = (0, 110, 220)
+TRUTH: Color = (0, 158, 115)
+HIT: Color = (86, 196, 245)
+MISS: Color = (204, 40, 140)
+HINDSIGHT: Color = (120, 70, 200)
+LINEAGE: Color = (160, 130, 215)
+WALL: Color = (70, 84, 92)
 
-
-@dataclass(frozen=True, slots=True)
-class RunColor:
-    """The colour of a run, and what the pages call it."""
-
-    name: str
-    rgb: Color
-
-
-RUNS: tuple[RunColor, ...] = (
-    RunColor("blue", FILTER),
-    RunColor("amber", (235, 172, 0)),
-    RunColor("purple", (150, 40, 150)),
-    RunColor("grey", (125, 125, 125)),
-)
+RUNS: tuple[Color, ...] = (FILTER, (235, 172, 0), (150, 40, 150), (125, 125, 125))
 """A colour for each run that is compared; the first is the filter's where there is one."""
+
+COLOR_NAMES: dict[Color, str] = {
+    **{DEAD_RECKONING: "vermilion", TRUTH: "green", HIT: "light blue", MISS: "magenta", HINDSIGHT: "violet"},
+    **{LINEAGE: "pale violet", WALL: "slate"},
+    **dict(zip(RUNS, ("blue", "amber", "purple", "grey"), strict=True)),
+}
+"""What the help page calls the colours."""
 
 WEIGHT_RAMP: tuple[Color, ...] = (
     (253, 231, 37),
@@ -52,6 +51,9 @@ WEIGHT_RAMP: tuple[Color, ...] = (
 MAP_Z, TEXTURE_Z, LIDAR_Z, PARTICLE_Z, TRAIL_Z, TRUTH_Z, POSE_Z = 0.0, 0.01, 0.03, 0.04, 0.06, 0.07, 0.09
 """Heights (m) that keep the layers of a flat scene from hiding each other."""
 
+ONLY_RUN = "filter"
+"""What the run is called where it is the recording's only one."""
+
 OVERVIEW = "world/overview"
 """The pinhole that looks down on the whole map."""
 
@@ -59,36 +61,173 @@ HELP, ABOUT = "help", "about"
 """The pages: what each entity is; recording, configuration and versions."""
 
 
+class Kind(Enum):
+    """What an entity consists of, which decides its static style (:mod:`pfslam_viz.viewer.style`)."""
+
+    POINTS = auto()
+    LINES = auto()
+    ARROWS = auto()
+    BOXES = auto()
+    DOT = auto()  # one point, moved by transforms
+    ELLIPSE = auto()  # a unit circle, moved and stretched by transforms
+    ROBOT = auto()  # an arrow head, moved by transforms
+    TRAIL = auto()  # a growing trajectory in two entities: pfslam_viz.viewer.trail
+    GRID = auto()  # cells on the floor: a map or a texture
+    CAMERA = auto()  # a pinhole in the scene and its image
+    IMAGE = auto()  # an image by itself
+    FRAME = auto()  # a coordinate frame that other entities hang on; not visible
+    CURVE = auto()  # numbers in a plot
+
+
+class View(Enum):
+    """The views that show entities: spatial ones, images, and the rows of plots below two tabs."""
+
+    COMPARE = auto()  # the maps side by side: dead reckoning's, and each run's
+    CLOSE_UP = auto()  # a few metres round the robot
+    LOUPE = auto()  # the particles
+    TEXTURE = auto()
+    THREE_D = auto()
+    COLOR_CAMERA = auto()
+    DEPTH_CAMERA = auto()
+    COMPARE_PLOTS = auto()
+    FILTER_PLOTS = auto()
+
+
 @dataclass(frozen=True, slots=True)
-class Entities:
-    """Entity paths of one run: ``run`` is ``filter``, or the run's name where several share a recording."""
+class Entity:
+    """A row of the table.
 
-    run: str = "filter"
+    Attributes:
+        template: entity path; ``{run}`` stands for the run's name in what each run has of its own.
+        kind: what it consists of.
+        help: what the help page says of it, ``{color}`` being the colour's name; an invisible entity has none.
+        color: its static colour: a fixed one, or "run" for the run's. None where the data bring their own.
+        width: radius of its points or lines, width of its curve, in pixels of the viewer's interface (ui points).
+        z: height in m that it is drawn at.
+        views: the views that contain it.
+        title: of the plot, for a curve that is a plot's first.
+    """
 
-    def filter(self, name: str) -> str:
-        """Something that the filter knows, such as ``particles``."""
-        return f"world/{self.run}/{name}"
+    template: str
+    kind: Kind
+    help: str = ""
+    color: Color | Literal["run"] | None = None
+    width: float = 0.0
+    z: float = 0.0
+    views: tuple[View, ...] = ()
+    title: str = ""
 
-    def plot(self, name: str) -> str:
-        """The run's curve in the plot ``name``."""
-        return f"plots/{name}/{self.run}"
+    def path(self, run: str) -> str:
+        """Its entity path in a run, whose name does not matter where the entity is shared."""
+        return self.template.format(run=run)
+
+    def visible(self, run: str) -> tuple[str, ...]:
+        """The entity paths that carry what is visible of it: parts of it, or itself."""
+        parts = {Kind.TRAIL: ("/done", "/open"), Kind.ROBOT: ("/shape", "/outline")}.get(self.kind, ("",))
+        return tuple(self.path(run) + part for part in parts)
 
     @property
-    def disparity_image(self) -> str:
-        """The depth camera's image, coloured."""
-        return f"camera/{self.run}/disparity"
+    def owner(self) -> str:
+        """``{run}`` for what each run has of its own, else ``dead_reckoning`` or ``truth``."""
+        parts = self.template.split("/")
+        return next(part for part in ("{run}", "dead_reckoning", "truth") if part in parts)
+
+    @property
+    def plot(self) -> str:
+        """A curve's plot."""
+        return self.template.split("/")[1]
+
+    def rgb(self, run_color: Color) -> Color | None:
+        """Its static colour in a run of this colour."""
+        return run_color if self.color == "run" else self.color
 
 
-def dead_reckoning(name: str) -> str:
-    """Path of something that odometry alone gives."""
-    return f"world/dead_reckoning/{name}"
+_MAPS = (View.COMPARE, View.CLOSE_UP, View.LOUPE, View.TEXTURE, View.THREE_D)
+_SCANS = (View.COMPARE, View.CLOSE_UP, View.LOUPE, View.THREE_D)
+_NEAR = (View.CLOSE_UP, View.LOUPE)
 
+# fmt: off
+# What each run has of its own: in the order of the help page.
+MAP = Entity("world/{run}/map", Kind.GRID, z=MAP_Z, views=_MAPS,
+    help="the filter's map: white is free, black occupied, grey-green unknown")
+WALLS = Entity("world/{run}/walls", Kind.BOXES, color=WALL, views=(View.THREE_D,),
+    help="in 3-D: the occupied cells, raised (a drawing; the lidar sees one height)")
+PARTICLES = Entity("world/{run}/particles", Kind.POINTS, width=2.0, z=PARTICLE_Z, views=_SCANS,
+    help="every particle, from yellow (no weight) to dark violet (the heaviest)")
+HEADINGS = Entity("world/{run}/headings", Kind.ARROWS, width=0.75, z=PARTICLE_Z, views=(View.LOUPE,),
+    help="where some of the particles look, in the same colours")
+SCAN_HIT = Entity("world/{run}/scan/hit", Kind.POINTS, color=HIT, width=1.75, z=LIDAR_Z, views=_SCANS,
+    help="{color}: lidar end points on a cell that the map already held occupied")
+SCAN_MISS = Entity("world/{run}/scan/miss", Kind.POINTS, color=MISS, width=1.75, z=LIDAR_Z, views=_SCANS,
+    help="{color}: lidar end points where the map held no wall")
+ROBOT = Entity("world/{run}/robot", Kind.ROBOT, color="run", width=1.5, z=POSE_Z,
+    views=(View.COMPARE, View.CLOSE_UP, View.TEXTURE, View.THREE_D),
+    help="{color} arrow: the best particle's pose")
+TRAJECTORY = Entity("world/{run}/trajectory", Kind.TRAIL, color="run", width=1.75, z=TRAIL_Z, views=_MAPS,
+    help="{color}: the best particle at every scan, as it was estimated then")
+MEAN = Entity("world/{run}/mean", Kind.DOT, color="run", width=4.0, z=POSE_Z, views=_NEAR,
+    help="{color} dot: the weighted mean of the particles")
+COVARIANCE = Entity("world/{run}/covariance", Kind.ELLIPSE, color="run", width=1.25, z=POSE_Z, views=_NEAR,
+    help="{color} ellipse: two standard deviations about the mean")
+LINEAGES = Entity("world/{run}/lineages", Kind.LINES, color=LINEAGE, width=0.5, z=LIDAR_Z, views=(View.LOUPE,),
+    help="{color}: the ancestors that today's particles still have")
+HINDSIGHT_TRAJECTORY = Entity("world/{run}/hindsight", Kind.LINES, color=HINDSIGHT, width=1.5, z=TRAIL_Z,
+    views=(View.COMPARE, View.THREE_D),
+    help="{color}: the whole trajectory as known at the end, at the last step")
+CORRECTION = Entity("world/{run}/correction", Kind.ARROWS, color=MISS, width=1.5, z=POSE_Z, views=(View.LOUPE,),
+    help="{color} arrow: what scan matching moved the pose by, ten times as long")
+DEGENERATE = Entity("world/{run}/degenerate", Kind.LINES, color=MISS, width=1.5, z=POSE_Z, views=_NEAR,
+    help="{color} line: the direction in which this scan cannot place the robot")
+CLOSURES = Entity("world/{run}/closures", Kind.LINES, color=HINDSIGHT, width=1.5, z=POSE_Z,
+    views=(View.COMPARE, View.CLOSE_UP, View.THREE_D),
+    help="{color}: pairs of scans recognised as the same place, at the last step")
+TEXTURE = Entity("world/{run}/texture", Kind.GRID, z=TEXTURE_Z, views=(View.TEXTURE, View.THREE_D),
+    help="the floor's colours as the camera saw them, over the map")
+COLOR_IMAGE = Entity("world/{run}/robot/camera", Kind.CAMERA, color="run", views=(View.COLOR_CAMERA, View.THREE_D),
+    help="the colour image of the moment, where the camera is")
+DISPARITY_IMAGE = Entity("camera/{run}/disparity", Kind.IMAGE, views=(View.DEPTH_CAMERA,),
+    help="the depth image of the moment: bright is near, black is no depth")
+FOLLOW = Entity("world/{run}/follow", Kind.FRAME)  # moves with the robot; the cameras of its own views hang on it
 
-def truth(name: str) -> str:
-    """Path of something that only a simulation or a reference system knows."""
-    return f"world/truth/{name}"
+# What all runs share.
+RECKONED_MAP = Entity("world/dead_reckoning/map", Kind.GRID, z=MAP_Z, views=(View.COMPARE,),
+    help="the map that the same scans make from odometry alone")
+RECKONED_SCAN = Entity("world/dead_reckoning/scan", Kind.POINTS, color=DEAD_RECKONING, width=1.75, z=LIDAR_Z,
+    views=(View.COMPARE,), help="{color}: the lidar's end points from the dead-reckoned pose")
+RECKONED_ROBOT = Entity("world/dead_reckoning/robot", Kind.ROBOT, color=DEAD_RECKONING, width=1.5, z=POSE_Z,
+    views=(View.COMPARE, View.THREE_D), help="{color} arrow: the dead-reckoned pose")
+RECKONED_TRAJECTORY = Entity("world/dead_reckoning/trajectory", Kind.TRAIL, color=DEAD_RECKONING, width=1.75,
+    z=TRAIL_Z, views=(View.COMPARE, View.THREE_D), help="{color}: where odometry alone leads")
+TRUE_ROBOT = Entity("world/truth/robot", Kind.ROBOT, color=TRUTH, width=1.5, z=POSE_Z,
+    help="{color} arrow: the true pose")
+TRUE_TRAJECTORY = Entity("world/truth/trajectory", Kind.TRAIL, color=TRUTH, width=0.75, z=TRUTH_Z,  # on the estimates
+    views=_SCANS, help="{color}, thin: where the robot truly went")
 
+# Curves, a plot being named by the middle of the path: in the order of the plots.
+DRIFT = Entity("plots/drift/{run}", Kind.CURVE, color="run", width=1.5, views=(View.COMPARE_PLOTS,),
+    title="Dead reckoning from filter (m)", help="m between dead reckoning and the filter")
+ERROR = Entity("plots/error/{run}", Kind.CURVE, color="run", width=1.5, views=(View.COMPARE_PLOTS,),
+    title="Error against truth (m)", help="m from the filter's pose, as it was estimated then, to the truth")
+RECKONED_ERROR = Entity("plots/error/dead_reckoning", Kind.CURVE, color=DEAD_RECKONING, width=1.5,
+    views=(View.COMPARE_PLOTS,), help="m from dead reckoning to the truth")
+CORRELATION = Entity("plots/correlation/{run}", Kind.CURVE, color="run", width=1.5, views=(View.FILTER_PLOTS,),
+    title="End points on occupied cells", help="share of the end points that fall on occupied cells")
+N_EFF = Entity("plots/n_eff/{run}", Kind.CURVE, color="run", width=1.5, views=(View.COMPARE_PLOTS, View.FILTER_PLOTS),
+    title="N_eff: effective particles", help="effective number of particles, 1 / Σ w²")
+SPREAD = Entity("plots/spread/{run}", Kind.CURVE, color="run", width=1.5, views=(View.COMPARE_PLOTS,),
+    title="Spread of the particles (m)", help="m: standard deviation of the particles' positions")
+SURVIVORS = Entity("plots/lineages/{run}", Kind.CURVE, color="run", width=1.5, views=(View.FILTER_PLOTS,),
+    title="Surviving lineages", help="distinct ancestors since all particles last shared one")
+HEADING_DRIFT = Entity("plots/heading_drift/{run}", Kind.CURVE, color="run", width=1.5, views=(View.FILTER_PLOTS,),
+    title="Heading: dead reckoning from filter (°)", help="degrees between dead reckoning and the filter")
+SCORE = Entity("plots/score/{run}", Kind.CURVE, color="run", width=1.5,
+    help="mean agreement of the matched scan with the map, 0 to 1")
+CORRECTION_LENGTH = Entity("plots/correction/{run}", Kind.CURVE, color="run", width=1.5,
+    help="m that scan matching moved the pose")
+# fmt: on
 
-def shared_plot(name: str, curve: str) -> str:
-    """Path of a curve that belongs to no run."""
-    return f"plots/{name}/{curve}"
+ENTITIES: tuple[Entity, ...] = tuple(value for value in list(globals().values()) if isinstance(value, Entity))
+"""The table: every row above, in their order."""
+
+RUN_CURVES: dict[str, Entity] = {row.plot: row for row in ENTITIES if row.kind is Kind.CURVE and row.owner == "{run}"}
+"""The curves that each run has, by plot."""

@@ -81,7 +81,7 @@ def trace(
     alive = particles.copy()
     for _ in range((count - 1) // stride):
         older = (row - stride) % window
-        drawn, survivors = np.zeros(n, np.bool_), 0
+        met, survivors = np.zeros(n, np.bool_), 0
         for k in range(len(alive)):
             ancestor = alive[k]
             for back in range(stride):
@@ -92,8 +92,8 @@ def trace(
                     positions[row, alive[k], axis],
                 )
             m += 1
-            if not drawn[ancestor]:
-                drawn[ancestor] = True
+            if not met[ancestor]:
+                met[ancestor] = True
                 alive[survivors] = ancestor
                 survivors += 1
         alive, row = alive[:survivors], older

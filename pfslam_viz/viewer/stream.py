@@ -1,4 +1,4 @@
-"""Every Step of a replay, gathered and handed on to be drawn."""
+"""Every Step of a replay, collected and handed on to be drawn."""
 
 import time
 
@@ -6,57 +6,56 @@ from pfslam_viz.config import Config
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.replay import Result
 from pfslam_viz.step import Step
+from pfslam_viz.viewer.collector import Collector, StreamOptions
 from pfslam_viz.viewer.drawing import Drawing, send_scene
-from pfslam_viz.viewer.entities import Entities
 from pfslam_viz.viewer.framing import Framing
-from pfslam_viz.viewer.gatherer import Gatherer, StreamOptions
 from pfslam_viz.viewer.sinks import Sink
 
-BLOCK_ROWS = 200
+BATCH_ROWS = 200
 LIVE_SECONDS = 0.25  # a watched run is shown at least this often
 
 
 class ReplayStream:
     """Logs a replay: :meth:`log` each Step, then :meth:`finish` with the Result."""
 
-    def __init__(self, gatherer: Gatherer, drawing: Drawing, *, alone: bool = True) -> None:
+    def __init__(self, collector: Collector, drawing: Drawing, *, alone: bool = True) -> None:
         """``alone``: this is the recording's only run, so that its end settles the framing, the pages and the layout.
 
-        What was gathered is drawn before the recording is closed, also where a run ends without :meth:`finish`.
+        What was collected is drawn before the recording is closed, also where a run ends without :meth:`finish`.
         """
-        self._gatherer, self._drawing, self._alone = gatherer, drawing, alone
+        self._collector, self._drawing, self._alone = collector, drawing, alone
         self._flushed = time.monotonic()
         drawing.sink.before_close(self._close)
 
     @property
     def left_out(self) -> list[str]:
         """What the recording does not hold, a phrase each."""
-        return self._gatherer.left_out
+        return self._collector.left_out
 
     def log(self, step: Step) -> None:
-        """Log one scan. Scans are gathered and drawn in blocks."""
-        self._gatherer.add(step)
+        """Log one scan. Scans are collected and drawn in batches."""
+        self._collector.add(step)
         now = time.monotonic()
-        if len(self._gatherer) == BLOCK_ROWS or (self._drawing.sink.live and now - self._flushed > LIVE_SECONDS):
+        if len(self._collector) == BATCH_ROWS or (self._drawing.sink.live and now - self._flushed > LIVE_SECONDS):
             self.flush()
             self._flushed = now
 
     def finish(self, result: Result) -> None:
         """Log what is known only at the end: the last maps, the trajectory in hindsight, the final framing."""
-        self._gatherer.finish(result)
+        self._collector.finish(result)
         self.flush()
         framing = Framing.of_results([result]) if self._alone and len(result.stamps) else None
         self._drawing.finish(framing, self.left_out)
 
     def flush(self) -> None:
-        """Draw what was gathered so far."""
-        block, pictures = self._gatherer.take()
-        if block is not None or pictures:
-            self._drawing.draw(block, pictures)
+        """Draw what was collected so far."""
+        batch, contents = self._collector.take()
+        if batch is not None or contents:
+            self._drawing.draw(batch, contents)
 
     def _close(self) -> None:
         self.flush()
-        self._gatherer.close()
+        self._collector.close()
 
 
 def replay_stream(
@@ -64,6 +63,6 @@ def replay_stream(
 ) -> ReplayStream:
     """The stream of a recording's only run to a sink."""
     options = options or StreamOptions()
-    drawing = Drawing(recording, config, sink, Entities(), options.max_particles)
+    drawing = Drawing(recording, config, sink, options.max_particles)
     send_scene([drawing], Framing.of_recording(recording))
-    return ReplayStream(Gatherer(recording, options), drawing)
+    return ReplayStream(Collector(recording, options), drawing)

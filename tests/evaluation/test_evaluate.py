@@ -24,7 +24,7 @@ def recording() -> Recording:
         to_y = 2 / np.abs(s)
     steps = np.zeros_like(truth)
     steps[1:] = geometry.between(truth[:-1], truth[1:]) * [1.1, 1, 1]
-    stamps = 100.0 + np.arange(n) * 0.1
+    stamps = 100.0 + np.arange(float(n)) * 0.1
     return Recording(
         name="room",
         format="test",

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from pfslam_viz import geometry
-from pfslam_viz.config import MapConfig
 from pfslam_viz.evaluation.map_quality import map_quality, occupied_area, scan_to_map_score, wall_thickness
 from pfslam_viz.evaluation.scans import end_points, key_scans
 from pfslam_viz.recordings.recording import Lidar, Recording
+from pfslam_viz.settings import MapConfig
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 
 
@@ -19,7 +19,7 @@ def make_recording(odometry: np.ndarray, ranges: np.ndarray, angles: np.ndarray,
         name="room",
         format="test",
         path=Path("room"),
-        stamps=np.arange(len(odometry)) * 0.5,
+        stamps=0.5 * np.arange(len(odometry), dtype=np.float64),
         ranges=ranges.astype(np.float32),
         lidar=Lidar(angles, 0.1, 30.0, mount),
         odometry=odometry,

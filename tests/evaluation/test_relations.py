@@ -43,7 +43,9 @@ def test_error_is_gt_inverse_times_est() -> None:
     poses, known = rng.normal(size=(40, 3)) * [5, 5, 2], rng.normal(size=(20, 3))
     poses[:, 2], known[:, 2] = geometry.wrap(poses[:, 2]), geometry.wrap(known[:, 2])
     i, j = rng.integers(0, 40, 20), rng.integers(0, 40, 20)
-    translation, rotation, matched = errors_of(Relations(i * 1.0, j * 1.0, known), np.arange(40.0), poses)
+    translation, rotation, matched = errors_of(
+        Relations(i.astype(np.float64), j.astype(np.float64), known), np.arange(40.0), poses
+    )
     assert matched.all()
     for k in range(20):
         est = np.linalg.inv(matrix(poses[i[k]])) @ matrix(poses[j[k]])

@@ -36,7 +36,8 @@ def cast(pose: np.ndarray, segments: np.ndarray = ROOM) -> np.ndarray:
     with np.errstate(divide="ignore", invalid="ignore"):
         t = (to[:, 0] * along[:, 1] - to[:, 1] * along[:, 0]) / cross
         u = (to[:, 0] * direction[..., 1] - to[:, 1] * direction[..., 0]) / cross
-    return np.where((t > 0) & (u >= 0) & (u <= 1), t, 99.0).min(axis=1)
+    ranges: np.ndarray = np.where((t > 0) & (u >= 0) & (u <= 1), t, 99.0).min(axis=1)
+    return ranges
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +51,7 @@ def drive() -> tuple[Recording, np.ndarray]:
     steps = np.zeros_like(truth)
     steps[1:] = geometry.between(truth[:-1], truth[1:])
     lidar = Lidar(ANGLES, 0.1, 30.0, np.zeros(3))
-    recording = Recording("room", "test", Path("room"), np.arange(160) * 0.5, ranges.astype(np.float32), lidar, steps)
+    recording = Recording("room", "test", Path("room"), np.arange(160.0) * 0.5, ranges.astype(np.float32), lidar, steps)
     return recording, truth
 
 
@@ -83,7 +84,7 @@ def test_finds_how_far_the_second_round_is_off(drive: tuple[Recording, np.ndarra
     estimate[80:] = estimate[80:] + moved
     error = revisit_error(recording, estimate)
     assert error is not None and error.count >= 5
-    assert error.translation == pytest.approx(np.hypot(*moved[:2]), abs=0.02)
+    assert error.translation == pytest.approx(np.hypot(moved[0], moved[1]), abs=0.02)
     assert error.rotation == pytest.approx(np.degrees(moved[2]), abs=0.3)
 
 

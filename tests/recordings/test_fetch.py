@@ -312,7 +312,8 @@ def test_frames(server: Server, small: dict[str, bytes], tmp_path: Path) -> None
     assert images == [f"RGB21/rgb21_{k}.png" for k in range(1, 5)] + [
         f"Disparity21/disparity21_{k}.png" for k in range(1, 6)
     ]
-    assert cv2.imread(str(paths[-1]), cv2.IMREAD_UNCHANGED)[0, 0] == 700
+    last = cv2.imread(str(paths[-1]), cv2.IMREAD_UNCHANGED)
+    assert last is not None and last[0, 0] == 700
     assert server.most_at_once <= 2
     asked = server.asked.total()
     paths[-1].unlink()

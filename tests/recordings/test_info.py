@@ -14,7 +14,7 @@ WriteSet = Callable[..., Path]
 
 def test_a_set(write_set: WriteSet) -> None:
     folder = write_set()
-    np.savez(folder / "ground_truth.npz", time_stamps=[1000.0, 1001.0], pose=[[0.0, 0, 0], [3, 4, 0]])
+    np.savez(folder / "ground_truth.npz", time_stamps=[1000.0, 1001.0], pose=[[0.0, 0.0, 0.0], [3.0, 4.0, 0.0]])
     out = json.loads(json.dumps(describe_path(str(folder / "Hokuyo7.npz"))))
     assert (out["name"], out["format"], out["duration_s"]) == ("7", "ece276a", 1.0)
     lidar = out["lidar"]

@@ -6,16 +6,16 @@ import pytest
 from pfslam_viz import geometry
 from pfslam_viz.config import load_robot
 from pfslam_viz.recordings.ece276a import read_sensors
-from pfslam_viz.recordings.wheel_odometry import WheelOdometry, unicycle_increment
+from pfslam_viz.recordings.wheel_odometry import WheelOdometry, differential_drive
 
 
 def test_a_quarter_turn_lands_on_the_circle() -> None:
     # Rolling pi/2 m while turning 90 degrees: a circle of radius 1 m, so the robot ends at (1, 1).
-    np.testing.assert_allclose(unicycle_increment(np.pi / 2, np.pi / 2), [1.0, 1.0, np.pi / 2], atol=1e-12)
+    np.testing.assert_allclose(differential_drive(np.pi / 2, np.pi / 2), [1.0, 1.0, np.pi / 2], atol=1e-12)
 
 
 def test_straight_ahead_and_on_the_spot() -> None:
-    np.testing.assert_allclose(unicycle_increment([2.0, 0.0], [0.0, 1.0]), [[2.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(differential_drive([2.0, 0.0], [0.0, 1.0]), [[2.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
 def test_ticks_are_counted_since_the_last_reading_and_averaged_over_the_wheels() -> None:

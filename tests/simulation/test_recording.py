@@ -9,7 +9,8 @@ from pfslam_viz.errors import InputError
 from pfslam_viz.recordings.ece276a import load
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.simulation import demo
-from pfslam_viz.simulation.recording import VERSION, simulate
+from pfslam_viz.simulation.manifest import VERSION
+from pfslam_viz.simulation.recording import simulate
 
 
 @pytest.fixture(scope="module")
@@ -137,7 +138,7 @@ def test_demo_is_made_once_and_again_for_a_new_generator(tmp_path: Path, monkeyp
         made.append((seed, building))
         return simulate(out, seed=seed, building=building, duration=5.0, frames=False)
 
-    monkeypatch.setattr(demo, "simulate", simulate_shortly)
+    monkeypatch.setattr("pfslam_viz.simulation.recording.simulate", simulate_shortly)
     assert demo.ensure_demo(tmp_path) == tmp_path / "demo"
     demo.ensure_demo(tmp_path)
     assert made == [(demo.SEED, demo.BUILDING)] and (tmp_path / "demo" / "Hokuyo1.npz").is_file()

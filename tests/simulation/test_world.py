@@ -5,7 +5,8 @@ from pfslam_viz.simulation.world import Plan, distance_to_polyline, outline
 
 
 def lengths(walls: np.ndarray) -> np.ndarray:
-    return np.hypot(walls[:, 2] - walls[:, 0], walls[:, 3] - walls[:, 1])
+    found: np.ndarray = np.hypot(walls[:, 2] - walls[:, 0], walls[:, 3] - walls[:, 1])
+    return found
 
 
 def test_outline_of_one_rectangle() -> None:

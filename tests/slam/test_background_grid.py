@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from pfslam_viz.config import MapConfig
+from pfslam_viz.settings import MapConfig
 from pfslam_viz.slam.background_grid import BATCH, BackgroundGrid
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.slam.worker import Worker
@@ -68,9 +68,9 @@ def test_a_full_batch_is_drawn_without_a_look_and_a_part_is_not() -> None:
         if k == BATCH + 1:
             break
     deadline = time.monotonic() + 20
-    while not np.array_equal(grid._drawn.log_odds, plain.log_odds) and time.monotonic() < deadline:
+    while not np.array_equal(grid._written_grid.log_odds, plain.log_odds) and time.monotonic() < deadline:
         time.sleep(0.001)
-    np.testing.assert_array_equal(grid._drawn.log_odds, plain.log_odds)
+    np.testing.assert_array_equal(grid._written_grid.log_odds, plain.log_odds)
     worker.close()
 
 

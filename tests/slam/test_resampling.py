@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pfslam_viz.config import ResamplingConfig
+from pfslam_viz.settings import ResamplingConfig
 from pfslam_viz.slam.resampling import SCHEMES, effective_number, is_due
 
 WEIGHTS = np.array([0.5, 0.24, 0.01, 0.0, 0.25])

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from pfslam_viz.config import TextureConfig, load_robot
+from pfslam_viz.config import load_robot
+from pfslam_viz.settings import TextureConfig
 from pfslam_viz.texture import FloorTexture
 from pfslam_viz.texture.kinect import FloorView, depth_from_disparity
 

@@ -6,10 +6,12 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.config import Config
@@ -19,10 +21,14 @@ from pfslam_viz.robot import CameraGeometry
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.slam.protocol import Estimate, LoopClosure, Match
 from pfslam_viz.step import Step
+from pfslam_viz.texture.floor_texture import FloorTexture
 from pfslam_viz.viewer.blueprint import BACKGROUND
-from pfslam_viz.viewer.gatherer import StreamOptions
-from pfslam_viz.viewer.sinks import open_sinks, viewer_binary
+from pfslam_viz.viewer.collector import StreamOptions
+from pfslam_viz.viewer.connections import viewer_binary
+from pfslam_viz.viewer.sinks import open_sinks
 from pfslam_viz.viewer.stream import replay_stream
+
+Array = NDArray[np.float64]
 
 SCANS, BEAMS, PARTICLES = 60, 91, 40
 LENGTH, HALF_WIDTH = 8.0, 1.5  # m: a corridor along x, closed at both ends
@@ -36,7 +42,7 @@ def _ranges(pose: np.ndarray, angles: np.ndarray) -> np.ndarray:
             (wall - pose[axis]) / direction[axis]
             for axis, wall in ((0, -1.0), (0, LENGTH - 1.0), (1, -HALF_WIDTH), (1, HALF_WIDTH))
         ]
-    return np.min([np.where(t > 0, t, np.inf) for t in to_wall], axis=0)
+    return np.asarray(np.min([np.where(t > 0, t, np.inf) for t in to_wall], axis=0))
 
 
 @dataclass
@@ -68,7 +74,6 @@ class Corridor:
             hits[inside] = grid.occupied[cells[inside, 0], cells[inside, 1]] > 0
             grid.add(best, points, np.zeros(2))
             reckoned_grid.add(reckoned[k], points, np.zeros(2))
-            closures = (LoopClosure(0, k, truth[0, :2], truth[k, :2]),) if self.rich and k == 40 else ()
             match = Match(np.array([0.01, 0.0, 0.002]), 0.8, np.array([1.0, 0.0]) if k % 2 else None)
             yield Step(
                 index=k,
@@ -79,14 +84,12 @@ class Corridor:
                     weights=weights,
                     best=best,
                     mean=geometry.mean_pose(particles, weights),
-                    covariance=geometry.pose_covariance(particles, weights),
+                    covariance=np.cov(particles.T, aweights=weights, ddof=0),
                     n_eff=float(1.0 / (weights**2).sum()),
                     resampled=True,
                     informative=True,
                     parents=rng.integers(0, PARTICLES, PARTICLES),
                     match=match if self.rich else None,
-                    closures=closures,
-                    history=truth[: k + 1] if self.rich else None,
                 ),
                 dead_reckoning=reckoned[k],
                 end_points=end_points,
@@ -118,15 +121,24 @@ class Corridor:
             resamplings=n,
             uninformative=0,
             interrupted=interrupted,
-            texture=None,
+            closures=(LoopClosure(0, n - 1, online[0, :2], online[n - 1, :2]),) if self.rich else (),
+            texture=self._texture(steps) if self.rich else None,
             skipped_frames=None,
         )
 
+    def _texture(self, steps: list[Step]) -> FloorTexture:
+        """A patch of floor."""
+        frames = self.recording.frames
+        assert frames is not None
+        texture = FloorTexture(frames.camera, self.config.texture, steps[-1].grid.cell)
+        texture.color[100:110, 200:220], texture.weight[100:110, 200:220] = (200, 90, 40), 1.0
+        return texture
+
 
 def _corridor(folder: Path, rich: bool) -> Corridor:
-    stamps = 100.0 + 0.25 * np.arange(SCANS)
+    stamps: Array = 100.0 + 0.25 * np.arange(SCANS, dtype=np.float64)
     s = np.linspace(0.0, 5.0, SCANS)
-    truth = np.stack([s, 0.3 * np.sin(s), 0.3 * np.cos(s) - 0.3], axis=-1)
+    truth: Array = np.stack([s, 0.3 * np.sin(s), 0.3 * np.cos(s) - 0.3], axis=-1)
     truth[:, 2] -= truth[0, 2]
     odometry = np.zeros((SCANS, 3))
     odometry[1:] = geometry.between(truth[:-1], truth[1:]) + np.array([0.0, 0.0, 0.004])  # a gyro's bias
@@ -137,7 +149,7 @@ def _corridor(folder: Path, rich: bool) -> Corridor:
         color, disparity = folder / "color.png", folder / "disparity.png"
         cv2.imwrite(str(color), np.full((480, 640, 3), (40, 90, 200), np.uint8))
         cv2.imwrite(str(disparity), np.full((480, 640), 700, np.uint16))
-        at = stamps[::10]
+        at: Array = stamps[::10]
         camera = CameraGeometry(position=(0.33, 0.0, 0.5), pitch=0.31)
         frames = Frames(at, (color,) * len(at), at + 0.01, (disparity,) * len(at), camera)
     recording = Recording(
@@ -156,7 +168,7 @@ def _corridor(folder: Path, rich: bool) -> Corridor:
 
 @pytest.fixture(scope="session")
 def corridor(tmp_path_factory: pytest.TempPathFactory) -> Corridor:
-    """Everything a Step can hold but texture: matches, a loop closure, hindsight, camera images."""
+    """Everything a recording can show: matches, a loop closure, hindsight, camera images, texture."""
     return _corridor(tmp_path_factory.mktemp("corridor"), rich=True)
 
 
@@ -174,7 +186,6 @@ class Recorded:
     corridor: Corridor
     steps: list[Step]
     left_out: list[str]
-    blocks: object
 
 
 def record(corridor: Corridor, path: Path, options: StreamOptions | None = None) -> Recorded:
@@ -186,7 +197,7 @@ def record(corridor: Corridor, path: Path, options: StreamOptions | None = None)
             stream.log(step)
             steps.append(step)
         stream.finish(corridor.result(steps))
-    return Recorded(path, corridor, steps, stream.left_out, stream)
+    return Recorded(path, corridor, steps, stream.left_out)
 
 
 @pytest.fixture(scope="session")
@@ -201,6 +212,15 @@ def make_recording() -> Callable[..., Recorded]:
     return record
 
 
+@dataclass(frozen=True)
+class View:
+    """A view of the layout: its title, Rerun's name of its kind, and the entities that it shows."""
+
+    name: str
+    kind: str
+    contents: set[str]
+
+
 @dataclass
 class Readable:
     """A .rrd read back: rows by entity, and what ``rerun rrd verify`` says."""
@@ -213,7 +233,7 @@ class Readable:
         self._reader = RrdReader(str(self.path))
         self.entities = {chunk.entity_path.lstrip("/") for chunk in self._reader.stream()}
 
-    def rows(self, entity: str) -> list[dict]:
+    def rows(self, entity: str) -> list[dict[str, Any]]:
         """Every row of an entity: ``step`` (None where static) and its components by their short names."""
         out = []
         for chunk in self._reader.stream().filter(content=f"/{entity}"):
@@ -231,14 +251,29 @@ class Readable:
         batches = [c.to_record_batch() for c in found if c.entity_path.lstrip("/") == entity]
         return [batch.num_rows for batch in batches if "step" in batch.schema.names]
 
-    def temporal(self, entity: str) -> list[dict]:
+    def temporal(self, entity: str) -> list[dict[str, Any]]:
         """The rows that have a step, in its order; the one logged last where several share it."""
         rows = {row["step"]: row for row in self.rows(entity) if row["step"] is not None}
         return [rows[step] for step in sorted(rows)]
 
-    def static(self, entity: str, component: str) -> object:
+    def static(self, entity: str, component: str) -> Any:
         """The last static value of a component."""
         return [row[component] for row in self.rows(entity) if row["step"] is None and row.get(component)][-1]
+
+    def views(self) -> list[View]:
+        """The views of the layout; the one sent before the run and the final one differ in framing alone."""
+        found: dict[str, dict[str, Any]] = {}
+        for chunk in self._reader.stream(store=self._reader.blueprints()[-1]):
+            found.setdefault(chunk.entity_path, {}).update(chunk.to_record_batch().to_pylist()[-1])
+        views = []
+        for path, parts in found.items():
+            if "ViewBlueprint:space_origin" in parts:
+                (origin,) = parts["ViewBlueprint:space_origin"]
+                queries = found[f"{path}/ViewContents"]["ViewContents:query"]
+                contents = {query.replace("$origin", origin).lstrip("+ /") for query in queries}
+                name, kind = parts["ViewBlueprint:display_name"], parts["ViewBlueprint:class_identifier"]
+                views.append(View(name[0], kind[0], contents))
+        return views
 
     def verify(self) -> str:
         done = subprocess.run(
@@ -276,7 +311,7 @@ def shares() -> Callable[[Path], dict[str, float]]:
     """Share of a picture's pixels by colour: white floor, unknown background, the trajectories' colours."""
 
     def count(picture: Path) -> dict[str, float]:
-        image = cv2.cvtColor(cv2.imread(str(picture)), cv2.COLOR_BGR2RGB).astype(int)
+        image = np.asarray(cv2.imread(str(picture)), int)[..., ::-1]
         colors = {"white": (255, 255, 255), "unknown": BACKGROUND, "orange": (213, 94, 0), "blue": (0, 110, 220)}
         return {name: float(np.mean(np.abs(image - c).max(axis=2) < 25)) for name, c in colors.items()}
 

@@ -1,14 +1,15 @@
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from pfslam_viz.viewer.ancestry import Ancestry
 
 
-def poses(*x):
+def poses(*x: float) -> NDArray[np.float64]:
     return np.array([[value, 0.0, 0.0] for value in x])
 
 
-def test_counts_the_founders_that_still_have_descendants():
+def test_counts_the_founders_that_still_have_descendants() -> None:
     ancestry = Ancestry()
     everyone = np.arange(4)
     assert ancestry.add(poses(0, 1, 2, 3), everyone) == 4
@@ -17,7 +18,7 @@ def test_counts_the_founders_that_still_have_descendants():
     assert ancestry.add(poses(0, 1, 2, 3), np.array([0, 1, 2, 2])) == 3  # counted anew from the scan before
 
 
-def test_segments_lead_from_ancestors_to_descendants():
+def test_segments_lead_from_ancestors_to_descendants() -> None:
     ancestry = Ancestry()
     ancestry.add(poses(0, 10), np.arange(2))
     ancestry.add(poses(1, 11), np.arange(2))
@@ -26,7 +27,7 @@ def test_segments_lead_from_ancestors_to_descendants():
     assert sorted(map(tuple, segments.tolist())) == [(0.0, 1.0), (1.0, 2.0), (1.0, 3.0)]
 
 
-def test_another_number_of_particles_and_unknown_parents_begin_anew():
+def test_another_number_of_particles_and_unknown_parents_begin_anew() -> None:
     ancestry = Ancestry()
     ancestry.add(poses(0, 1, 2), np.arange(3))
     assert ancestry.add(poses(0, 1), np.array([2, 0])) == 2
@@ -37,7 +38,7 @@ def test_another_number_of_particles_and_unknown_parents_begin_anew():
 
 
 @pytest.mark.parametrize("scans", [3, 30, 31, 75])  # less than the window, the whole of it, round it once and more
-def test_segments_of_random_lineages(scans):
+def test_segments_of_random_lineages(scans: int) -> None:
     """Against following each particle back by hand, one scan after the other."""
     rng, n = np.random.default_rng(scans), 7
     ancestry, positions, parents = Ancestry(window=30), [], []

@@ -1,47 +1,59 @@
 import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
 from pfslam_viz.config import Config
 from pfslam_viz.errors import InputError
+from pfslam_viz.recordings.recording import Recording
+from pfslam_viz.replay import Result
+from pfslam_viz.step import Step
 from pfslam_viz.viewer import compare as module
 from pfslam_viz.viewer.compare import compare, run_names
 from pfslam_viz.viewer.sinks import open_sinks
 
+if TYPE_CHECKING:
+    from tests.viewer.conftest import Corridor, Readable
 
-def config(name):
+
+def config(name: str) -> Config:
     return Config(name=name, particles=40)
 
 
-def test_runs_get_distinct_names_fit_for_paths():
+def test_runs_get_distinct_names_fit_for_paths() -> None:
     names = run_names([config("paper"), config("paper"), config("default,particles=50"), config("truth"), config("/")])
     assert names == ["paper", "paper_2", "default_particles_50", "truth_run", "run"]
 
 
 @pytest.fixture
-def replays(corridor, monkeypatch):
+def replays(corridor: "Corridor", monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """Replay, but it yields the corridor's made-up Steps."""
-    made = []
+    made: list[Any] = []
 
     class Replay:
-        def __init__(self, recording, config):
-            self.config, self.steps = config, []
+        def __init__(self, recording: Recording, config: Config) -> None:
+            self.config = config
+            self.steps: list[Step] = []
             made.append(self)
 
-        def __iter__(self):
+        def __iter__(self) -> Iterator[Step]:
             for step in corridor.steps():
                 self.steps.append(step)
                 yield step
 
-        def result(self):
+        def result(self) -> Result:
             return corridor.result(self.steps)
 
     monkeypatch.setattr(module, "Replay", Replay)
     return made
 
 
-def test_two_runs_share_a_file(corridor, replays, read_back, tmp_path):
+def test_two_runs_share_a_file(
+    corridor: "Corridor", replays: list[Any], read_back: "type[Readable]", tmp_path: Path
+) -> None:
     path, seen = tmp_path / "cmp.rrd", []
     with open_sinks(save=path) as sink:
         on_step = lambda name, step: seen.append((name, step.index))  # noqa: E731
@@ -60,7 +72,9 @@ def test_two_runs_share_a_file(corridor, replays, read_back, tmp_path):
     assert colors[0] != colors[1]
 
 
-def test_it_stops_between_scans(corridor, replays, read_back, tmp_path):
+def test_it_stops_between_scans(
+    corridor: "Corridor", replays: list[Any], read_back: "type[Readable]", tmp_path: Path
+) -> None:
     with open_sinks(save=tmp_path / "cmp.rrd") as sink:
         stopped = iter([False] * 5 + [True])
         results = compare(corridor.recording, [config("a"), config("b")], sink, stopped=lambda: next(stopped))
@@ -69,6 +83,6 @@ def test_it_stops_between_scans(corridor, replays, read_back, tmp_path):
     np.testing.assert_allclose(rows[4]["translation"][0][:2], replays[1].steps[4].estimate.best[:2], atol=1e-6)
 
 
-def test_more_runs_than_colours_are_refused(corridor, tmp_path):
+def test_more_runs_than_colours_are_refused(corridor: "Corridor", tmp_path: Path) -> None:
     with pytest.raises(InputError, match="at most"), open_sinks(save=tmp_path / "x.rrd") as sink:
         compare(corridor.recording, [config(str(k)) for k in range(9)], sink)

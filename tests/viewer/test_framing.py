@@ -1,12 +1,17 @@
 from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from pfslam_viz.viewer.framing import Framing, aspect_of, overhead_camera, overhead_size
 
+if TYPE_CHECKING:
+    from tests.viewer.conftest import Corridor
 
-def test_a_box_gets_a_margin_and_the_aspect():
+
+def test_a_box_gets_a_margin_and_the_aspect() -> None:
     framing = Framing.of_box(np.array([0.0, 0.0]), np.array([4.0, 8.0]), aspect=1.5)
     assert framing.center == (2.0, 4.0)
     assert framing.height == pytest.approx(10.0)  # 8 m and a metre on either side
@@ -14,7 +19,7 @@ def test_a_box_gets_a_margin_and_the_aspect():
     assert framing.aspect == pytest.approx(1.5)
 
 
-def test_the_recording_is_framed_before_the_run(corridor):
+def test_the_recording_is_framed_before_the_run(corridor: "Corridor") -> None:
     framing = Framing.of_recording(corridor.recording)
     x, y = framing.center
     # dead reckoning errs by less than half a metre here: the corridor is 8 m by 3 m from (-1, -1.5)
@@ -23,7 +28,7 @@ def test_the_recording_is_framed_before_the_run(corridor):
     assert 9.0 < framing.width < 11.5
 
 
-def test_results_are_framed_by_the_filter_and_dead_reckoning_may_widen_it_a_little(corridor):
+def test_results_are_framed_by_the_filter_and_dead_reckoning_may_widen_it_a_little(corridor: "Corridor") -> None:
     result = corridor.result(list(corridor.steps()))
     framing = Framing.of_results([result])
     far = np.array([[0.0, 0.0, 0.0], [500.0, 0.0, 0.0]])
@@ -33,14 +38,17 @@ def test_results_are_framed_by_the_filter_and_dead_reckoning_may_widen_it_a_litt
 
 
 @pytest.mark.parametrize("aspect", [1.0, 1.4])
-def test_the_overhead_camera_sees_the_floor_as_a_map(aspect):
+def test_the_overhead_camera_sees_the_floor_as_a_map(aspect: float) -> None:
+    def value(batch: Any) -> NDArray[np.float64]:
+        return np.array(batch.as_arrow_array().to_pylist()[0])
+
     transform, pinhole = overhead_camera((3.0, -2.0), 10.0, aspect)
-    rotation = np.array(transform.mat3x3.as_arrow_array().to_pylist()[0]).reshape(3, 3).T  # stored by columns
-    position = np.array(transform.translation.as_arrow_array().to_pylist()[0])
-    k = np.array(pinhole.image_from_camera.as_arrow_array().to_pylist()[0]).reshape(3, 3).T
+    rotation = value(transform.mat3x3).reshape(3, 3).T  # stored by columns
+    position = value(transform.translation)
+    k = value(pinhole.image_from_camera).reshape(3, 3).T
     width, height = overhead_size(aspect)
 
-    def pixel(x, y):
+    def pixel(x: float, y: float) -> tuple[float, float]:
         u, v, w = k @ rotation.T @ (np.array([x, y, 0.0]) - position)
         assert w > 0
         return u / w, v / w
@@ -50,6 +58,6 @@ def test_the_overhead_camera_sees_the_floor_as_a_map(aspect):
     assert pixel(3.0 + 5.0 * aspect, -2.0) == pytest.approx((width, height / 2))  # x to the right
 
 
-def test_more_panels_are_narrower():
+def test_more_panels_are_narrower() -> None:
     assert aspect_of(2) == 1.4
     assert aspect_of(4) == pytest.approx(0.7)

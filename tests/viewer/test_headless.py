@@ -1,19 +1,26 @@
 """The recordings in Rerun's real viewer. The pictures stay in $PFSLAM_TEST_OUTPUT, or in pytest's temporary folder."""
 
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 import pytest
 
 from pfslam_viz.errors import InputError, PfslamError
-from pfslam_viz.viewer.headless import headless_viewer
+from pfslam_viz.viewer.headless import HeadlessViewer, headless_viewer
+
+if TYPE_CHECKING:
+    from tests.viewer.conftest import Corridor, Recorded
+
 
 pytestmark = pytest.mark.slow
 
 
 @contextmanager
-def viewer_or_skip():
+def viewer_or_skip() -> Iterator[HeadlessViewer]:
     try:
         with headless_viewer((1280, 720)) as running:
             yield running
@@ -22,19 +29,19 @@ def viewer_or_skip():
 
 
 @pytest.fixture(scope="module")
-def viewer():
+def viewer() -> Iterator[HeadlessViewer]:
     with viewer_or_skip() as running:
         yield running
 
 
 @pytest.fixture
-def fresh_viewer():
+def fresh_viewer() -> Iterator[HeadlessViewer]:
     """One that has seen no other recording, whose layout it would keep."""
     with viewer_or_skip() as running:
         yield running
 
 
-def test_no_view_complains_at_start_middle_and_end(viewer, output, recorded):
+def test_no_view_complains_at_start_middle_and_end(viewer: HeadlessViewer, output: Path, recorded: "Recorded") -> None:
     viewer.open(recorded.path)
     scans = len(recorded.steps)
     assert viewer.last_step() == scans - 1
@@ -45,7 +52,9 @@ def test_no_view_complains_at_start_middle_and_end(viewer, output, recorded):
 
 
 @pytest.mark.parametrize("tab", ["Filter", "Texture", "3-D", "About"])
-def test_no_view_of_the_other_tabs_complains(viewer, output, recorded, tab):
+def test_no_view_of_the_other_tabs_complains(
+    viewer: HeadlessViewer, output: Path, recorded: "Recorded", tab: str
+) -> None:
     viewer.open(recorded.path)
     viewer.show_tab(tab)
     viewer.seek(len(recorded.steps) // 2)
@@ -53,13 +62,15 @@ def test_no_view_of_the_other_tabs_complains(viewer, output, recorded, tab):
     assert viewer.reports() == []
 
 
-def test_a_tab_that_is_not_there_is_named(viewer, recorded):
+def test_a_tab_that_is_not_there_is_named(viewer: HeadlessViewer, recorded: "Recorded") -> None:
     viewer.open(recorded.path)
     with pytest.raises(InputError, match="there are Compare, Filter, Texture, 3-D, About"):
         viewer.show_tab("Nope")
 
 
-def test_the_compare_tab_shows_both_maps_framed_alike(viewer, output, recorded, shares):
+def test_the_compare_tab_shows_both_maps_framed_alike(
+    viewer: HeadlessViewer, output: Path, recorded: "Recorded", shares: Callable[[Path], dict[str, float]]
+) -> None:
     viewer.open(recorded.path)
     viewer.show_tab("Compare")
     viewer.seek(len(recorded.steps) - 1)
@@ -68,7 +79,7 @@ def test_the_compare_tab_shows_both_maps_framed_alike(viewer, output, recorded, 
     found = shares(picture)
     assert found["white"] > 0.1 and found["unknown"] > 0.1
     assert found["orange"] > 0.0003 and found["blue"] > 0.0003
-    image = cv2.cvtColor(cv2.imread(str(picture)), cv2.COLOR_BGR2RGB).astype(int)
+    image = np.asarray(cv2.imread(str(picture)), int)
     white = np.abs(image - 255).max(axis=2) < 5
     top, bottom = int(0.12 * len(white)), int(0.68 * len(white))  # where the maps are
     left, right = np.hsplit(white[top:bottom], 2)
@@ -77,7 +88,13 @@ def test_the_compare_tab_shows_both_maps_framed_alike(viewer, output, recorded, 
     assert abs(columns[0][0] - columns[1][0]) < 40 and abs(columns[0][-1] - columns[1][-1]) < 40
 
 
-def test_a_recording_without_camera_opens_too(viewer, output, plain_corridor, make_recording, tmp_path):
+def test_a_recording_without_camera_opens_too(
+    viewer: HeadlessViewer,
+    output: Path,
+    plain_corridor: "Corridor",
+    make_recording: "Callable[..., Recorded]",
+    tmp_path: Path,
+) -> None:
     made = make_recording(plain_corridor, tmp_path / "plain.rrd")
     viewer.open(made.path)
     viewer.seek(30)
@@ -85,7 +102,9 @@ def test_a_recording_without_camera_opens_too(viewer, output, plain_corridor, ma
     assert viewer.reports() == []
 
 
-def test_the_demo_is_shown_without_complaint_from_start_to_end(fresh_viewer, output, demo, shares):
+def test_the_demo_is_shown_without_complaint_from_start_to_end(
+    fresh_viewer: HeadlessViewer, output: Path, demo: Path, shares: Callable[[Path], dict[str, float]]
+) -> None:
     viewer = fresh_viewer
     viewer.open(demo)
     last = viewer.last_step()

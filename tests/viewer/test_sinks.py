@@ -7,24 +7,30 @@ import subprocess
 import sys
 import textwrap
 import time
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 import rerun as rr
 
 from pfslam_viz.errors import InputError, PfslamError
-from pfslam_viz.viewer import sinks
-from pfslam_viz.viewer.sinks import open_sinks, viewer_binary
+from pfslam_viz.viewer import connections, sinks
+from pfslam_viz.viewer.connections import viewer_binary
+from pfslam_viz.viewer.sinks import Sink, open_sinks
+
+if TYPE_CHECKING:
+    from tests.viewer.conftest import Readable
 
 
-def free_port():
+def free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+        return int(probe.getsockname()[1])
 
 
-def send(sink, first, count=50, points=20):
+def send(sink: Sink, first: int, count: int = 50, points: int = 20) -> None:
     steps = np.arange(first, first + count)
     times = [rr.TimeColumn("step", sequence=steps)]
     positions = np.random.default_rng(first).random((count * points, 3))
@@ -32,13 +38,13 @@ def send(sink, first, count=50, points=20):
 
 
 @pytest.fixture
-def proxy():
+def proxy() -> Iterator[tuple[subprocess.Popen[bytes], str]]:
     """A process that takes what is streamed to it, as a viewer does: (process, url)."""
     port = free_port()
-    command = [viewer_binary(), "--serve-grpc", "--bind", "127.0.0.1", "--port", str(port)]
+    command = [str(viewer_binary()), "--serve-grpc", "--bind", "127.0.0.1", "--port", str(port)]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     deadline = time.monotonic() + 20
-    while not sinks._answers("127.0.0.1", port):
+    while not connections.answers("127.0.0.1", port):
         assert time.monotonic() < deadline and process.poll() is None
         time.sleep(0.05)
     yield process, f"rerun+http://127.0.0.1:{port}/proxy"
@@ -46,12 +52,12 @@ def proxy():
     process.wait()
 
 
-def test_a_file_is_moved_into_place_when_it_is_complete(tmp_path, read_back):
+def test_a_file_is_moved_into_place_when_it_is_complete(tmp_path: Path, read_back: "type[Readable]") -> None:
     path = tmp_path / "new" / "out.rrd"
     with open_sinks(save=path, name="a name") as sink:
         send(sink, 0)
         assert not path.exists()
-        assert sink.recording.get_application_id() == "pfslam-viz"
+        assert rr.get_application_id(sink.recording) == "pfslam-viz"
     assert sink.size == path.stat().st_size > 1000
     file = read_back(path)
     assert "1 file verified" in file.verify()
@@ -59,7 +65,7 @@ def test_a_file_is_moved_into_place_when_it_is_complete(tmp_path, read_back):
     assert list(path.parent.iterdir()) == [path]  # and nothing beside it
 
 
-def test_an_interrupted_run_keeps_what_was_logged(tmp_path, read_back):
+def test_an_interrupted_run_keeps_what_was_logged(tmp_path: Path, read_back: "type[Readable]") -> None:
     path = tmp_path / "out.rrd"
     with pytest.raises(KeyboardInterrupt), open_sinks(save=path) as sink:
         sink.before_close(lambda: send(sink, 50))  # what had been gathered but not sent
@@ -70,7 +76,7 @@ def test_an_interrupted_run_keeps_what_was_logged(tmp_path, read_back):
     assert len(file.temporal("points")) == 100
 
 
-def test_a_failed_run_leaves_the_old_file(tmp_path):
+def test_a_failed_run_leaves_the_old_file(tmp_path: Path) -> None:
     path = tmp_path / "out.rrd"
     path.write_bytes(b"old")
     with pytest.raises(ValueError, match="bug"), open_sinks(save=path) as sink:
@@ -80,13 +86,13 @@ def test_a_failed_run_leaves_the_old_file(tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_folder_that_cannot_be_written_is_named(tmp_path):
+def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="file"), open_sinks(save=tmp_path / "file" / "out.rrd"):
         pass
 
 
-def test_nowhere_to_send_it_to():
+def test_nowhere_to_send_it_to() -> None:
     with pytest.raises(InputError, match="--save"), open_sinks():
         pass
 
@@ -94,19 +100,19 @@ def test_nowhere_to_send_it_to():
 @pytest.mark.parametrize(
     "url", ["127.0.0.1:9876", "http://127.0.0.1:9876/proxy", "rerun+http://127.0.0.1:9876", "rerun+http://h:x/proxy"]
 )
-def test_a_wrong_url_says_how_to_write_it(url):
+def test_a_wrong_url_says_how_to_write_it(url: str) -> None:
     with pytest.raises(InputError, match=r"rerun\+http://HOST:9876/proxy"), open_sinks(connect=url):
         pass
 
 
-def test_a_url_where_nobody_answers(tmp_path):
+def test_a_url_where_nobody_answers(tmp_path: Path) -> None:
     url = f"rerun+http://127.0.0.1:{free_port()}/proxy"
     with pytest.raises(InputError, match="nobody answers"), open_sinks(save=tmp_path / "x.rrd", connect=url):
         pass
     assert not list(tmp_path.iterdir())
 
 
-def test_what_was_pushed_gets_there_without_being_waited_for(tmp_path):
+def test_what_was_pushed_gets_there_without_being_waited_for(tmp_path: Path) -> None:
     """The batcher alone would keep it for half a minute."""
     with open_sinks(save=tmp_path / "out.rrd") as sink:
         sink.check()
@@ -116,10 +122,12 @@ def test_what_was_pushed_gets_there_without_being_waited_for(tmp_path):
         deadline = time.monotonic() + 10
         while sink.size == before and time.monotonic() < deadline:
             time.sleep(0.01)
-        assert sink.size > before
+        assert (sink.size or 0) > (before or 0)
 
 
-def test_a_viewer_and_a_file_get_the_same(proxy, tmp_path, read_back):
+def test_a_viewer_and_a_file_get_the_same(
+    proxy: tuple[subprocess.Popen[bytes], str], tmp_path: Path, read_back: "type[Readable]"
+) -> None:
     _, url = proxy
     with open_sinks(save=tmp_path / "out.rrd", connect=url) as sink:
         assert sink.live
@@ -127,10 +135,11 @@ def test_a_viewer_and_a_file_get_the_same(proxy, tmp_path, read_back):
         sink.check()
     assert sink.messages == []
     received = tmp_path / "received.rrd"
-    command = [viewer_binary(), "--connect", url, "--save", received, "--port", str(free_port()), "--bind", "127.0.0.1"]
+    command = [str(viewer_binary()), "--connect", url, "--save", str(received)]
+    command += ["--port", str(free_port()), "--bind", "127.0.0.1"]
     reader = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
-        rows: list = []
+        rows: list[Any] = []
         deadline = time.monotonic() + 10
         while len(rows) < 50 and time.monotonic() < deadline:
             time.sleep(0.2)
@@ -142,7 +151,9 @@ def test_a_viewer_and_a_file_get_the_same(proxy, tmp_path, read_back):
     assert [row["step"] for row in rows] == list(range(50))
 
 
-def test_a_viewer_that_goes_away_costs_the_picture_and_not_the_file(proxy, tmp_path, read_back):
+def test_a_viewer_that_goes_away_costs_the_picture_and_not_the_file(
+    proxy: tuple[subprocess.Popen[bytes], str], tmp_path: Path, read_back: "type[Readable]"
+) -> None:
     process, url = proxy
     with open_sinks(save=tmp_path / "out.rrd", connect=url) as sink:
         send(sink, 0)
@@ -161,7 +172,12 @@ def test_a_viewer_that_goes_away_costs_the_picture_and_not_the_file(proxy, tmp_p
     assert len(file.temporal("points")) == 300
 
 
-def test_a_viewer_that_hangs_costs_no_more_than_its_patience(proxy, tmp_path, read_back, monkeypatch):
+def test_a_viewer_that_hangs_costs_no_more_than_its_patience(
+    proxy: tuple[subprocess.Popen[bytes], str],
+    tmp_path: Path,
+    read_back: "type[Readable]",
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     process, url = proxy
     monkeypatch.setattr(sinks, "FLUSH_SECONDS", 0.1)
     with open_sinks(save=tmp_path / "out.rrd", connect=url) as sink:
@@ -179,7 +195,7 @@ def test_a_viewer_that_hangs_costs_no_more_than_its_patience(proxy, tmp_path, re
     assert "1 file verified" in read_back(tmp_path / "out.rrd").verify()
 
 
-def test_without_a_file_the_run_goes_on_into_nothing(proxy):
+def test_without_a_file_the_run_goes_on_into_nothing(proxy: tuple[subprocess.Popen[bytes], str]) -> None:
     process, url = proxy
     with open_sinks(connect=url) as sink:
         process.kill()
@@ -195,8 +211,9 @@ def test_without_a_file_the_run_goes_on_into_nothing(proxy):
     assert "went away" in sink.messages[0]
 
 
-def test_serving_is_on_the_loopback_and_lasts_until_it_is_told(tmp_path):
-    held, said = [], []
+def test_serving_is_on_the_loopback_and_lasts_until_it_is_told(tmp_path: Path) -> None:
+    held: list[bool] = []
+    said: list[str] = []
     with open_sinks(
         save=tmp_path / "out.rrd", serve=True, hold=lambda: held.append(True), on_message=said.append
     ) as sink:
@@ -206,7 +223,7 @@ def test_serving_is_on_the_loopback_and_lasts_until_it_is_told(tmp_path):
         sockets = Path("/proc/net/tcp")
         lines = [line.split() for line in sockets.read_text().splitlines()[1:]] if sockets.is_file() else []
         listening = {line[1] for line in lines if line[3] == "0A"}
-        assert sinks._answers("127.0.0.1", port)
+        assert connections.answers("127.0.0.1", port)
         if listening:  # address and port in hexadecimal, where the system tells
             assert f"0100007F:{port:04X}" in listening and f"00000000:{port:04X}" not in listening
     assert held == [True]
@@ -214,29 +231,29 @@ def test_serving_is_on_the_loopback_and_lasts_until_it_is_told(tmp_path):
     assert (tmp_path / "out.rrd").is_file()
 
 
-def test_serving_elsewhere_warns():
+def test_serving_elsewhere_warns() -> None:
     with open_sinks(serve="127.0.0.2", hold=lambda: None, on_message=lambda message: None) as sink:
         assert sink.messages[0].startswith("warning: serving on 127.0.0.2")
 
 
-def test_an_address_that_is_not_ours():
+def test_an_address_that_is_not_ours() -> None:
     with pytest.raises(InputError, match=r"192\.0\.2\.1"), open_sinks(serve=True, bind="192.0.2.1"):
         pass
 
 
-def test_a_viewer_that_cannot_start_is_an_error(tmp_path, monkeypatch):
+def test_a_viewer_that_cannot_start_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     dud = tmp_path / "rerun"
     dud.write_text("#!/bin/sh\nexit 7\n")
     dud.chmod(0o755)
-    monkeypatch.setattr(sinks, "viewer_binary", lambda: dud)
+    monkeypatch.setattr(connections, "viewer_binary", lambda: dud)
     with pytest.raises(PfslamError, match="status 7"), open_sinks(spawn=True):
         pass
-    monkeypatch.setattr(sinks, "viewer_binary", lambda: tmp_path / "absent")
+    monkeypatch.setattr(connections, "viewer_binary", lambda: tmp_path / "absent")
     with pytest.raises(PfslamError, match="cannot be started"), open_sinks(spawn=True):
         pass
 
 
-def test_standard_output_holds_the_recording_and_nothing_else(tmp_path, read_back):
+def test_standard_output_holds_the_recording_and_nothing_else(tmp_path: Path, read_back: "type[Readable]") -> None:
     script = """
         import rerun as rr
         from pfslam_viz.viewer.sinks import open_sinks
@@ -269,7 +286,7 @@ SEND = """
 """
 
 
-def test_a_full_disk_ends_the_run_and_leaves_nothing(tmp_path):
+def test_a_full_disk_ends_the_run_and_leaves_nothing(tmp_path: Path) -> None:
     script = (
         SEND
         + """
@@ -287,7 +304,9 @@ def test_a_full_disk_ends_the_run_and_leaves_nothing(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_reader_of_standard_output_that_goes_away_costs_only_itself(tmp_path, read_back):
+def test_a_reader_of_standard_output_that_goes_away_costs_only_itself(
+    tmp_path: Path, read_back: "type[Readable]"
+) -> None:
     script = (
         SEND
         + """
@@ -297,6 +316,7 @@ def test_a_reader_of_standard_output_that_goes_away_costs_only_itself(tmp_path, 
     )
     command = [sys.executable, "-c", textwrap.dedent(script), str(tmp_path / "out.rrd")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None and process.stderr is not None
         process.stdout.read(1000)
         process.stdout.close()
         errors = process.stderr.read().decode()
@@ -306,14 +326,14 @@ def test_a_reader_of_standard_output_that_goes_away_costs_only_itself(tmp_path, 
 
 
 @pytest.mark.slow
-def test_a_spawned_viewer_shows_the_run_and_outlives_it(tmp_path, monkeypatch):
+def test_a_spawned_viewer_shows_the_run_and_outlives_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from rerun.experimental import ViewerClient
 
     wrapper, number = tmp_path / "rerun", tmp_path / "pid"
     wrapper.write_text(f'#!/bin/sh\necho $$ > "{number}"\nexec "{viewer_binary()}" --headless "$@"\n')
     wrapper.chmod(0o755)
-    monkeypatch.setattr(sinks, "viewer_binary", lambda: wrapper)
-    monkeypatch.setattr(sinks, "PORT", free_port())
+    monkeypatch.setattr(connections, "viewer_binary", lambda: wrapper)
+    monkeypatch.setattr(connections, "PORT", free_port())
     try:
         with open_sinks(spawn=True, save=tmp_path / "out.rrd", name="a run") as sink:
             send(sink, 0)
@@ -321,9 +341,9 @@ def test_a_spawned_viewer_shows_the_run_and_outlives_it(tmp_path, monkeypatch):
     except PfslamError as error:
         pytest.skip(f"no viewer can run here: {error}")
     try:
-        client = ViewerClient.connect(f"rerun+http://127.0.0.1:{sinks.PORT}/proxy")
+        client = ViewerClient.connect(f"rerun+http://127.0.0.1:{connections.PORT}/proxy")
         deadline = time.monotonic() + 20
-        ends: list = []
+        ends: list[int | None] = []
         while 49 not in ends and time.monotonic() < deadline:
             time.sleep(0.2)
             ends = [t.end for r in client.get_state().recordings for t in r.timelines if t.name == "step"]

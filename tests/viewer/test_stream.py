@@ -1,14 +1,22 @@
 """What was logged, read back from the file."""
 
 import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
+from pfslam_viz.step import Step
 from pfslam_viz.viewer import drawing
-from pfslam_viz.viewer.gatherer import StreamOptions
+from pfslam_viz.viewer.collector import StreamOptions
 from pfslam_viz.viewer.sinks import open_sinks
 from pfslam_viz.viewer.stream import replay_stream
+
+if TYPE_CHECKING:
+    from tests.viewer.conftest import Corridor, Readable, Recorded
+
 
 EVERY_SCAN = [
     "world/filter/particles",
@@ -41,22 +49,22 @@ EVERY_SCAN = [
 
 
 @pytest.fixture(scope="module")
-def file(recorded, read_back):
+def file(recorded: "Recorded", read_back: "type[Readable]") -> "Readable":
     return read_back(recorded.path)
 
 
-def test_rerun_verifies_the_file(file):
+def test_rerun_verifies_the_file(file: "Readable") -> None:
     assert "1 file verified" in file.verify()
 
 
-def test_every_entity_that_the_help_page_names_is_there(file):
+def test_every_entity_that_the_help_page_names_is_there(file: "Readable") -> None:
     named = re.findall(r"\| `/(.*?)` \|", file.static("help", "text")[0])
     assert set(EVERY_SCAN) < set(named) | {"world/filter/follow"}
     for entity in named:
         assert file.temporal(entity), entity
 
 
-def test_every_drawn_entity_is_on_the_help_page(file):
+def test_every_drawn_entity_is_on_the_help_page(file: "Readable") -> None:
     page = file.static("help", "text")[0]
     for entity in file.entities:
         if file.temporal(entity) and entity != "world/filter/follow":  # a frame, not a drawing
@@ -64,7 +72,7 @@ def test_every_drawn_entity_is_on_the_help_page(file):
 
 
 @pytest.mark.parametrize("entity", EVERY_SCAN)
-def test_there_is_a_row_for_every_scan(file, recorded, entity):
+def test_there_is_a_row_for_every_scan(file: "Readable", recorded: "Recorded", entity: str) -> None:
     rows = file.temporal(entity)
     assert [row["step"] for row in rows] == list(range(len(recorded.steps)))
     seconds = [row["time"].total_seconds() for row in rows]
@@ -79,7 +87,9 @@ def test_there_is_a_row_for_every_scan(file, recorded, entity):
         ("world/truth/trajectory", lambda step: step.truth),
     ],
 )
-def test_the_trajectory_at_a_scan_has_exactly_the_points_up_to_it(file, recorded, trail, pose):
+def test_the_trajectory_at_a_scan_has_exactly_the_points_up_to_it(
+    file: "Readable", recorded: "Recorded", trail: str, pose: Callable[[Step], Any]
+) -> None:
     done, latest = file.temporal(f"{trail}/done"), file.temporal(f"{trail}/open")
     expected = np.array([pose(step)[:2] for step in recorded.steps])
     for k in (0, 1, 6, 7, 8, 33, len(recorded.steps) - 1):
@@ -90,7 +100,7 @@ def test_the_trajectory_at_a_scan_has_exactly_the_points_up_to_it(file, recorded
         np.testing.assert_allclose(points, expected[: k + 1], atol=1e-5)
 
 
-def test_points_lie_where_the_step_has_them(file, recorded):
+def test_points_lie_where_the_step_has_them(file: "Readable", recorded: "Recorded") -> None:
     step = recorded.steps[30]
     hits = np.array(file.temporal("world/filter/scan/hit")[30]["positions"])
     misses = np.array(file.temporal("world/filter/scan/miss")[30]["positions"])
@@ -104,9 +114,10 @@ def test_points_lie_where_the_step_has_them(file, recorded):
     assert 2 * np.arctan2(z, w) == pytest.approx(step.estimate.best[2], abs=1e-6)
 
 
-def test_curves_are_the_numbers(file, recorded):
+def test_curves_are_the_numbers(file: "Readable", recorded: "Recorded") -> None:
     step = recorded.steps[42]
     best, reckoned, truth = step.estimate.best, step.dead_reckoning, step.truth
+    assert truth is not None
     expected = {
         "plots/drift/filter": np.hypot(*(best - reckoned)[:2]),
         "plots/heading_drift/filter": np.degrees(abs(best[2] - reckoned[2])),
@@ -122,13 +133,13 @@ def test_curves_are_the_numbers(file, recorded):
         assert file.temporal(entity)[42]["scalars"][0] == pytest.approx(value, rel=1e-5), entity
 
 
-def test_the_map_shows_the_corridor_the_right_way_up(file):
+def test_the_map_shows_the_corridor_the_right_way_up(file: "Readable") -> None:
     row = file.temporal("world/filter/map")[-1]
     form, cell = row["format"][0], row["cell_size"][0]
     cells = np.array(row["data"][0]).reshape(form["height"], form["width"])
     x0, y0 = row["translation"][0][:2]
 
-    def at(x, y):
+    def at(x: float, y: float) -> Any:
         return cells[form["height"] - 1 - int((y - y0) / cell), int((x - x0) / cell)]
 
     assert at(0.5, 0.0) < 10  # the floor where the robot drove
@@ -141,7 +152,9 @@ def test_the_map_shows_the_corridor_the_right_way_up(file):
     assert xs.max() > 6.5 and xs.min() > -1.5  # it is not mirrored: the start is near the left end
 
 
-def test_a_match_is_drawn_ten_times_as_long_and_degenerate_only_where_it_is(file, recorded):
+def test_a_match_is_drawn_ten_times_as_long_and_degenerate_only_where_it_is(
+    file: "Readable", recorded: "Recorded"
+) -> None:
     rows = file.temporal("world/filter/correction")
     heading = recorded.steps[20].estimate.best[2]
     np.testing.assert_allclose(rows[20]["vectors"][0][:2], [0.1 * np.cos(heading), 0.1 * np.sin(heading)], atol=1e-6)
@@ -151,26 +164,30 @@ def test_a_match_is_drawn_ten_times_as_long_and_degenerate_only_where_it_is(file
     np.testing.assert_allclose((end - start)[:2], [2.0, 0.0], atol=1e-5)
 
 
-def test_hindsight_shows_at_the_end_and_closures_from_then_on(file, recorded):
+def test_hindsight_and_closures_show_at_the_end(file: "Readable", recorded: "Recorded") -> None:
     (row,) = file.temporal("world/filter/hindsight")
     assert row["step"] == len(recorded.steps) - 1
     assert len(row["strips"][0]) == len(recorded.steps)
     (row,) = file.temporal("world/filter/closures")
-    assert row["step"] == 40
+    first, last = recorded.steps[0].estimate.best, recorded.steps[-1].estimate.best
+    assert row["step"] == len(recorded.steps) - 1
+    np.testing.assert_allclose(row["strips"], [[[*first[:2], 0.09], [*last[:2], 0.09]]], atol=1e-6)
 
 
-def test_camera_images_come_at_their_stamps(file):
+def test_camera_images_come_at_their_stamps(file: "Readable") -> None:
     rows = file.temporal("world/filter/robot/camera")
     assert [row["step"] for row in rows] == [0, 10, 20, 30, 40, 50]
     assert bytes(rows[0]["blob"][0][:2]) == b"\xff\xd8"  # JPEG
     assert [row["step"] for row in file.temporal("camera/filter/disparity")] == [1, 11, 21, 31, 41, 51]
 
 
-def test_the_about_page_holds_the_configuration(file):
+def test_the_about_page_holds_the_configuration(file: "Readable") -> None:
     assert "| particles | 40 |" in file.static("about", "text")[0]
 
 
-def test_options_thin_and_what_is_left_out_is_said(plain_corridor, make_recording, read_back, tmp_path):
+def test_options_thin_and_what_is_left_out_is_said(
+    plain_corridor: "Corridor", make_recording: "Callable[..., Recorded]", read_back: "type[Readable]", tmp_path: Path
+) -> None:
     options = StreamOptions(map_every=20, max_particles=10, max_beams=30)
     made = make_recording(plain_corridor, tmp_path / "thin.rrd", options)
     assert made.left_out == [
@@ -183,14 +200,20 @@ def test_options_thin_and_what_is_left_out_is_said(plain_corridor, make_recordin
     assert len(file.temporal("world/filter/particles")[5]["positions"]) == 10
     about = file.static("about", "text")[0]
     assert all(phrase in about for phrase in made.left_out)
-    absent = ["match", "correction", "closures", "hindsight", "history", "texture", "robot/camera"]
+    absent = ["match", "correction", "closures", "hindsight", "texture", "robot/camera"]
     page = file.static("help", "text")[0]
     assert not any(f"world/filter/{name}`" in page for name in absent)
 
 
-def test_large_pictures_are_sent_few_at_a_time(plain_corridor, make_recording, read_back, tmp_path, monkeypatch):
+def test_large_pictures_are_sent_few_at_a_time(
+    plain_corridor: "Corridor",
+    make_recording: "Callable[..., Recorded]",
+    read_back: "type[Readable]",
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """Sixty-one maps, two at a time, one at a time where one is more than the limit, or at once; the same rows."""
-    files = []
+    files: list[Readable] = []
     for limit, most in ((100_000_000, 61), (None, 2), (1, 1)):
         if limit is None:
             limit = 2 * max(len(row["data"][0]) for row in files[0].rows("world/filter/map"))
@@ -202,11 +225,13 @@ def test_large_pictures_are_sent_few_at_a_time(plain_corridor, make_recording, r
         assert files[-1].temporal("world/filter/map") == files[0].temporal("world/filter/map")
 
 
-def test_nothing_is_left_out_silently(recorded):
+def test_nothing_is_left_out_silently(recorded: "Recorded") -> None:
     assert recorded.left_out == []
 
 
-def test_an_unfinished_run_opens_with_what_was_logged(corridor, read_back, tmp_path):
+def test_an_unfinished_run_opens_with_what_was_logged(
+    corridor: "Corridor", read_back: "type[Readable]", tmp_path: Path
+) -> None:
     path = tmp_path / "part.rrd"
     with open_sinks(save=path) as sink:
         stream = replay_stream(corridor.recording, corridor.config, sink)
@@ -217,18 +242,20 @@ def test_an_unfinished_run_opens_with_what_was_logged(corridor, read_back, tmp_p
     assert len(file.temporal("world/filter/particles")) == 25
 
 
-def test_blocks_are_sent_as_they_fill(plain_corridor, tmp_path, monkeypatch):
-    monkeypatch.setattr("pfslam_viz.viewer.stream.BLOCK_ROWS", 10)
+def test_batches_are_sent_as_they_fill(
+    plain_corridor: "Corridor", tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pfslam_viz.viewer.stream.BATCH_ROWS", 10)
     sent = []
     with open_sinks(save=tmp_path / "x.rrd") as sink:
         stream = replay_stream(plain_corridor.recording, plain_corridor.config, sink)
         send = sink.send_columns
 
-        def spy(path, times, columns):
+        def spy(path: str, times: Any, columns: Any) -> None:
             sent.append((path, len(times[0].as_arrow_array())))
             send(path, times, columns)
 
-        sink.send_columns = spy
+        monkeypatch.setattr(sink, "send_columns", spy)
         for step, _ in zip(plain_corridor.steps(), range(25), strict=False):
             stream.log(step)
         assert [n for path, n in sent if path == "world/filter/particles"] == [10, 10]

@@ -3,7 +3,7 @@ import numpy as np
 from pfslam_viz.viewer.trail import Trail
 
 
-def test_done_and_open_are_exactly_the_points_so_far():
+def test_done_and_open_are_exactly_the_points_so_far() -> None:
     poses = np.arange(30.0).reshape(10, 3)
     trail = Trail(10)  # a done strip every 3 scans
     for block in (poses[:4], poses[4:5], poses[5:]):

@@ -9,12 +9,15 @@ import shutil
 import time
 import urllib.error
 import urllib.request
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 import pytest
 
+from pfslam_viz.viewer.connections import free_port, viewer_binary
 from pfslam_viz.viewer.headless import running
-from pfslam_viz.viewer.sinks import free_port, viewer_binary
 
 pytestmark = pytest.mark.slow
 
@@ -40,22 +43,22 @@ CHROMIUM = (
 class Browser:
     """As much of WebDriver as is needed: https://www.w3.org/TR/webdriver2."""
 
-    def __init__(self, port, profile):
+    def __init__(self, port: int, profile: Path) -> None:
         self._root = f"http://{HOST}:{port}"
         arguments = [*CHROMIUM, f"--user-data-dir={profile}"]
         wanted = {"capabilities": {"alwaysMatch": {"goog:chromeOptions": {"args": arguments}}}}
         self._root += f"/session/{self._ask('POST', '/session', wanted)['sessionId']}"
 
-    def open(self, url):
+    def open(self, url: str) -> None:
         self._ask("POST", "/url", {"url": url})
 
-    def photograph(self, path):
+    def photograph(self, path: Path) -> None:
         path.write_bytes(base64.b64decode(self._ask("GET", "/screenshot")))
 
-    def close(self):
+    def close(self) -> None:
         self._ask("DELETE", "")
 
-    def _ask(self, method, path, body=None):
+    def _ask(self, method: str, path: str, body: Any = None) -> Any:
         data = None if body is None else json.dumps(body).encode()
         request = urllib.request.Request(self._root + path, data, {"Content-Type": "application/json"}, method=method)
         deadline = time.monotonic() + 20.0
@@ -72,7 +75,7 @@ class Browser:
 
 
 @pytest.fixture
-def browser(tmp_path):
+def browser(tmp_path: Path) -> Iterator["Browser"]:
     driver = shutil.which("chromedriver")
     if driver is None or not (shutil.which("chromium") or shutil.which("google-chrome")):
         pytest.skip("no Chromium with its driver (Debian: chromium and chromium-driver)")
@@ -83,7 +86,9 @@ def browser(tmp_path):
         opened.close()
 
 
-def test_the_demo_plays_in_the_web_viewer(browser, demo, output, shares, tmp_path):
+def test_the_demo_plays_in_the_web_viewer(
+    browser: Browser, demo: Path, output: Path, shares: Callable[[Path], dict[str, float]], tmp_path: Path
+) -> None:
     """The maps' background and both trajectories appear."""
     data, web = free_port(HOST), free_port(HOST)
     command = [str(viewer_binary()), "--serve-web", "--bind", HOST, "--port", str(data), "--web-viewer-port", str(web)]

@@ -1,0 +1,75 @@
+"""Running the filter from Python: what ``import pfslam_viz`` offers besides the types."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from pfslam_viz.config import Config, load_config
+from pfslam_viz.files import replaced
+from pfslam_viz.recordings.catalog import load_recording
+from pfslam_viz.recordings.recording import Recording
+from pfslam_viz.replay import Replay, Result
+from pfslam_viz.step import Step
+
+
+def run(
+    recording: Recording | str | Path,
+    config: Config | str | Path = "default",
+    *,
+    on_step: Callable[[Step], None] | None = None,
+    texture: bool = True,
+    threads: int | None = None,
+) -> Result:
+    """Run the filter over a recording to its end.
+
+    Args:
+        recording: a Recording, or what :func:`~pfslam_viz.recordings.catalog.load_recording` takes: a name or a path.
+        config: a Config, or what :func:`~pfslam_viz.config.load_config` takes: a name or a path.
+        on_step: called with the Step of every scan; its grids are live views, to be copied where they are kept.
+        texture: whether to paint the floor, where there are images and the configuration wants it.
+        threads: 1 or 2; None takes 2 if there are as many cores. The result does not depend on it.
+
+    The first run on a machine compiles the kernels, which takes about half a minute.
+
+    Raises:
+        InputError: the recording or the configuration is not there or cannot be used.
+    """
+    replay = Replay(_recording(recording), _config(config), texture=texture, threads=threads)
+    for step in replay:
+        if on_step is not None:
+            on_step(step)
+    return replay.result()
+
+
+def save(
+    recording: Recording | str | Path,
+    config: Config | str | Path,
+    path: str | Path,
+    *,
+    texture: bool = True,
+    threads: int | None = None,
+) -> Result:
+    """Run as :func:`run` does, and write the run to a ``.rrd`` file that the Rerun viewer opens.
+
+    The file gets its name when it is complete; what ends the run early, Ctrl-C too, leaves none, and a file that was
+    there before as it was.
+
+    Raises:
+        InputError: as :func:`run`, or ``path`` cannot be written; before the run starts.
+    """
+    from pfslam_viz.viewer.sinks import open_sinks
+    from pfslam_viz.viewer.stream import replay_stream
+
+    drive, settings = _recording(recording), _config(config)
+    with replaced(Path(path)) as unfinished, open_sinks(save=unfinished) as sink:
+        stream = replay_stream(drive, settings, sink)
+        result = run(drive, settings, on_step=stream.log, texture=texture, threads=threads)
+        stream.finish(result)
+    return result
+
+
+def _recording(recording: Recording | str | Path) -> Recording:
+    return recording if isinstance(recording, Recording) else load_recording(recording)
+
+
+def _config(config: Config | str | Path) -> Config:
+    return config if isinstance(config, Config) else load_config(config)

@@ -1,0 +1,9 @@
+"""``pfslam-viz config``: print every setting of a configuration."""
+
+from pfslam_viz.config import load_config
+from pfslam_viz.config_text import as_markdown, as_toml
+
+
+def run(name: str, settings: tuple[str, ...], markdown: bool) -> None:
+    """Print a configuration as TOML, or the reference of all settings as Markdown."""
+    print(as_markdown() if markdown else as_toml(load_config(name, settings)), end="")

@@ -1,0 +1,16 @@
+"""What a simulated recording was made with. Apart from the simulator, so that looking it up loads none of it."""
+
+import json
+from pathlib import Path
+
+VERSION = 2  # of the generator: raised when the same seed gives other bytes
+MANIFEST = "simulation.json"
+
+
+def manifest_of(folder: Path) -> dict[str, object] | None:
+    """What the recording in ``folder`` was made with; None if it is not a complete simulated one."""
+    try:
+        manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return manifest if isinstance(manifest, dict) else None

@@ -1,0 +1,138 @@
+"""Key scans, one after the other, and matching them with each other."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pfslam_viz.slam.graph.scan_matching import MatchingRules, match_pairs
+from pfslam_viz.slam.graph.settings import ScanMatchingConfig
+from pfslam_viz.slam.graph.walls import describe
+from pfslam_viz.slam.worker import Worker
+
+Array = NDArray[np.float64]
+Singles = NDArray[np.float32]
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Matches:
+    """k scan matches.
+
+    Attributes:
+        poses: (k, 3) of the matched scan in the reference's frame.
+        information: (k, 3, 3) that the scans alone give on them, 1/m², 1/m rad, 1/rad².
+        overlap: (k,) the share of end points that found a partner.
+        distance: (k,) m, their mean distance from the partner's wall.
+    """
+
+    poses: Array
+    information: Array
+    overlap: Array
+    distance: Array
+
+
+class ScanStore:
+    """Key scans, one after the other: end points with the normals of the walls they lie on, in the robot's frame.
+
+    Attributes:
+        lidar_position: (2,) m in the robot's frame.
+        config: how scans are matched.
+        points, normals, bearings: (p, 2) m, (p, 2), (p,) rad; a normal is zero where no wall fits, bearings are seen
+            from the lidar and increase within a scan.
+        first: scan k owns rows ``first[k]`` to ``first[k + 1]``.
+        worker: who does a part of the matching.
+    """
+
+    def __init__(self, lidar_position: Array, config: ScanMatchingConfig, worker: Worker | None = None) -> None:
+        """An empty store; a ``worker`` does its part of the matching."""
+        self.lidar_position = lidar_position
+        self.config = config
+        self._rules = MatchingRules.of(config)
+        self.worker = worker or Worker(threads=1)
+        self._rows = np.zeros((1024, 5), np.float32)
+        self._first = np.zeros(64, np.int64)
+        self._count = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    @property
+    def points(self) -> Singles:
+        """(p, 2) m."""
+        return self._rows[:, 0:2]
+
+    @property
+    def normals(self) -> Singles:
+        """(p, 2) unit vectors or zero."""
+        return self._rows[:, 2:4]
+
+    @property
+    def bearings(self) -> Singles:
+        """(p,) rad."""
+        return self._rows[:, 4]
+
+    @property
+    def first(self) -> Indices:
+        """(scans + 1,) row of each scan's first point, and one past the last."""
+        return self._first[: self._count + 1]
+
+    def points_of(self, scan: int) -> Array:
+        """(m, 2) end points of one scan."""
+        return self.points[self._first[scan] : self._first[scan + 1]].astype(np.float64)
+
+    def add(self, points: Array) -> None:
+        """Append a scan's end points (m, 2), in the order of the beams; thinned evenly to ``most_points``."""
+        c = self.config
+        points = points[:: 1 + max(len(points) - 1, 0) // c.most_points]
+        start = int(self._first[self._count])
+        end = start + len(points)
+        while end > len(self._rows):
+            self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
+        if self._count + 2 > len(self._first):
+            self._first = np.concatenate([self._first, np.zeros_like(self._first)])
+        rows = self._rows[start:end]
+        describe(points, self.lidar_position, c.wall_reach, c.wall_neighbours, c.wall_flatness, rows)
+        self._count += 1
+        self._first[self._count] = end
+
+    def size_of(self, scan: int) -> int:
+        """How many end points one scan has."""
+        return int(self._first[scan + 1] - self._first[scan])
+
+    def drop_last(self) -> None:
+        """Forget the scan added last."""
+        self._count -= 1
+
+    def match(
+        self,
+        references: Indices,
+        others: Indices,
+        guesses: Array,
+        prior: Array,
+        gates: Array,
+        *,
+        stride: int = 1,
+        iterations: int,
+    ) -> Matches:
+        """Match scans ``others`` (k,) against ``references`` (k,); see :func:`match_pairs`."""
+
+        def part(k: slice) -> tuple[Array, Array, Array, Array]:
+            return match_pairs(
+                self.points,
+                self.normals,
+                self.bearings,
+                self.first,
+                self.lidar_position,
+                references[k],
+                others[k],
+                guesses[k],
+                gates,
+                iterations,
+                stride,
+                prior,
+                self._rules,
+            )
+
+        found = self.worker.split(part, len(references), worth=100)
+        return Matches(*(np.concatenate(values) for values in zip(*found, strict=True)))

@@ -1,0 +1,115 @@
+"""The settings of matching key scans, smoothing the pose graph, and closing loops."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from pfslam_viz.settings import Section, setting
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Hop = Annotated[int, Field(ge=1)]
+
+
+class ScanMatchingConfig(Section):
+    """Point-to-line ICP between two scans (Censi 2008)."""
+
+    most_points: int = setting(400, "end points of a scan that are kept, evenly", ge=10)
+    wall_reach: float = setting(0.3, "neighbours this near tell a wall's direction", "m", gt=0)
+    wall_neighbours: int = setting(20, "neighbours to either side that tell it, at most", ge=1, le=1000)
+    wall_flatness: float = setting(
+        0.1, "neighbours are a wall if the smaller eigenvalue of their spread is at most this share of the larger",
+        gt=0, le=1,
+    )  # fmt: skip
+    noise: float = setting(0.02, "standard deviation of an end point off its wall", "m", gt=0)
+    robust_noise: float = setting(2.0, "an end point loses its say beyond so many standard deviations ...", gt=0)
+    robust_gate: float = setting(3.0, "... or beyond the greatest distance over this, whichever is more", gt=0)
+    facing: float = setting(0.7, "least cosine between the normals of two walls that may be one", ge=-1, lt=1)
+    fewest_points: int = setting(5, "scans, and pairs of end points, fewer than this are not matched", ge=3)
+    open_share: float = setting(
+        0.03, "a direction with less than this share of the scans' information is left to the odometry", ge=0, lt=0.5
+    )
+    settled_distance: float = setting(5e-4, "iterations stop when the pose moves by less ...", "m", gt=0)
+    settled_angle: float = setting(3e-4, "... and turns by less", "rad", gt=0)
+
+
+class SmoothingConfig(Section):
+    """The pose graph over the key scans, which settles the whole trajectory in hindsight."""
+
+    enabled: bool = setting(True, "settle the trajectory and redraw the map when all scans are in")
+    rounds: int = setting(2, "times that neighbours are matched and the graph is relaxed", ge=2, le=20)
+    hops: tuple[Hop, ...] = setting((1, 2, 4, 8), "key scans ahead that every key scan is matched with", min_length=1)
+    radius: float = setting(2.0, "key scans of earlier visits this near are neighbours", "m", gt=0)
+    neighbours: int = setting(3, "earlier visits that a key scan is matched with, at most", ge=0)
+    apart: int = setting(30, "key scans between two visits, at least", ge=1)
+    turn_length: float = setting(0.7, "what a rad of heading counts as when the nearest visit is looked for", "m", ge=0)
+    match_points: int = setting(180, "end points of a scan that are matched, about", ge=10)
+    first_gates: tuple[Positive, ...] = setting(
+        (0.5, 0.3, 0.2, 0.1), "greatest distance of matched end points, iteration after iteration, at first", "m",
+        min_length=1,
+    )  # fmt: skip
+    gates: tuple[Positive, ...] = setting((0.2, 0.1), "the same once the graph has settled", "m", min_length=1)
+    match_iterations: int = setting(8, "of a match, at most", ge=1, le=100)
+    guess_distance: float = setting(0.1, "standard deviation of the position that a match starts from", "m", gt=0)
+    guess_angle: float = setting(0.05, "standard deviation of the heading that a match starts from", "rad", gt=0)
+    overlap: float = setting(0.3, "share of matched end points below which a match is refused", ge=0, le=1)
+    distance: float = setting(0.05, "mean distance from the walls above which a match is refused", "m", gt=0)
+    longest_shift: float = setting(0.4, "a match that moves its guess farther is refused", "m", gt=0)
+    largest_turn: float = setting(0.2, "a match that turns its guess farther is refused", "rad", gt=0)
+    temper: float = setting(0.1, "exponent of a match's likelihood: end points are not independent", gt=0, le=1)
+    noise_distance: float = setting(0.1, "odometry: m of error per m driven", gt=0)
+    noise_angle: float = setting(0.2, "odometry: rad of error per rad turned", gt=0)
+    noise_drift: float = setting(0.05, "odometry: rad of error per m driven", "rad/m", gt=0)
+    least: float = setting(0.01, "odometry: error at least", "m and rad", gt=0)
+    scale: float = setting(5.0, "standard deviations beyond which a constraint loses its say", gt=0)
+    iterations: int = setting(8, "of relaxing the graph, at most", ge=1, le=100)
+    settled_distance: float = setting(5e-4, "relaxing stops when no pose moves by more ...", "m", gt=0)
+    settled_angle: float = setting(1e-4, "... or turns by more", "rad", gt=0)
+    wheels_driven: float = setting(0.05, "the wheels' scale is told by key scans this far apart ...", "m", gt=0)
+    wheels_known: float = setting(
+        0.2, "... of whose information on the position at least this share is along the way ...", ge=0, le=1
+    )
+    wheels_pairs: int = setting(30, "... if there are so many of them", ge=1)
+    wheels_limits: tuple[Positive, Positive] = setting((0.8, 1.25), "another scale than within these is not believed")
+
+
+class LoopClosingConfig(Section):
+    """When the key scans are believed to show a place that the trajectory has drifted away from."""
+
+    enabled: bool = setting(True, "look for loops that the particles missed")
+    searches: int = setting(3, "rounds of searching: a closed loop can bring others within reach", ge=1, le=20)
+    every: int = setting(5, "key scans from one that is looked at to the next", ge=1)
+    least_loop: float = setting(10.0, "driven since a place before it is looked for", "m", gt=0)
+    least_reach: float = setting(1.0, "searched round about at least ...", "m", gt=0)
+    drift: float = setting(0.03, "... and so much more per m driven since ...", ge=0)
+    most_reach: float = setting(5.0, "... but no more than this", "m", gt=0)
+    most_turn: float = setting(0.18, "searched to either side", "rad", gt=0)
+    turn_step: float = setting(0.03, "of the search", "rad", gt=0)
+    cell: float = setting(0.1, "step of the search, and edge of a cell of the map that is searched", "m", gt=0)
+    blur: float = setting(0.12, "how far from a wall an end point still counts", "m", gt=0)
+    view: float = setting(12.0, "round a place that its map covers", "m", gt=0)
+    around: int = setting(12, "key scans before and after that are put together to one view", ge=0)
+    around_step: int = setting(3, "of these, every so many are taken", ge=1)
+    points: int = setting(300, "end points of a view that are laid over the map, about", ge=10)
+    fits_already: float = setting(0.8, "mean agreement from which two views need not be searched", gt=0, le=1)
+    score: float = setting(0.55, "mean agreement below which a fit is refused", gt=0, le=1)
+    rival: float = setting(0.85, "share of the best fit's score that no other place may reach", gt=0, le=1)
+    rival_distance: float = setting(0.7, "from the best fit, where another place begins", "m", gt=0)
+    gates: tuple[Positive, ...] = setting(
+        (0.5, 0.3, 0.2, 0.1), "of the scan match that confirms a fit, iteration after iteration", "m", min_length=1
+    )
+    guess_distance: float = setting(0.3, "standard deviation of the position that it starts from", "m", gt=0)
+    guess_angle: float = setting(0.1, "standard deviation of the heading that it starts from", "rad", gt=0)
+    match_stride: int = setting(2, "every so many end points are matched", ge=1)
+    match_iterations: int = setting(15, "of a match, at most", ge=1, le=100)
+    overlap: float = setting(0.4, "share of matched end points below which a fit is refused", ge=0, le=1)
+    distance: float = setting(0.03, "mean distance from the walls above which a fit is refused", "m", gt=0)
+    longest_shift: float = setting(0.5, "a match that moves the fit farther refuses it", "m", gt=0)
+    largest_turn: float = setting(0.15, "a match that turns the fit farther refuses it", "rad", gt=0)
+    confirm_within: int = setting(40, "key scans within which another closure must confirm one", ge=1)
+    confirm_distance: float = setting(0.3, "by how much the two may disagree on the position", "m", gt=0)
+    confirm_angle: float = setting(0.1, "by how much the two may disagree on the heading", "rad", gt=0)
+    temper: float = setting(0.1, "exponent of a closure's likelihood", gt=0, le=1)
+    sound: float = setting(
+        0.5, "robust weight above which a match holds while the graph is pulled together", ge=0, lt=1
+    )
+    gain: float = setting(5.0, "matches by which the graph must agree better with a loop closed", ge=0)

@@ -1,0 +1,197 @@
+"""The whole trajectory in hindsight: key scans matched with their neighbours, and the pose graph relaxed.
+
+Graph-based SLAM as in Lu & Milios (1997) and Konolige et al. (2010), started from the particle filter's trajectory.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pfslam_viz import geometry
+from pfslam_viz.slam.graph.loop_closing import find_loops
+from pfslam_viz.slam.graph.pose_graph import Constraints, optimize, turned, weights
+from pfslam_viz.slam.graph.scan_store import Matches, ScanStore
+from pfslam_viz.slam.graph.settings import LoopClosingConfig, SmoothingConfig
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Smoothed:
+    """Key poses (k, 3) in hindsight, and the pairs (p, 2) of key scans whose loops were closed to get there."""
+
+    poses: Array
+    closed: Indices
+
+
+class Smoother:
+    """The pose graph over one recording's key scans.
+
+    ``odometry`` (k, 3) leads from every key scan to the next; row 0 is not used.
+    """
+
+    def __init__(self, scans: ScanStore, odometry: Array, config: SmoothingConfig, loops: LoopClosingConfig) -> None:
+        self.scans, self.config, self.loops = scans, config, loops
+        self._odometry = odometry
+        self._motion = odometry_constraints(odometry, config)
+
+    def smooth(self, poses: Array) -> Smoothed:
+        """The key poses that agree best with all matches between neighbouring key scans and with the odometry.
+
+        The first pose stays. Loops that the particles missed are closed, all of them or else one after the other, if
+        the graph as a whole finds more support with them closed than without.
+        """
+        closed = np.zeros((0, 2), np.int64)
+        if len(poses) < 3:
+            return Smoothed(poses, closed)
+        gates = np.array(self.config.gates)
+        poses, _ = self.relax(poses, np.array(self.config.first_gates))
+        self._motion = odometry_constraints(self._odometry * [*2 * [self.wheel_scale(poses)], 1.0], self.config)
+        poses, support = self.relax(poses, gates)
+        if self.loops.enabled:
+            for _ in range(self.loops.searches):
+                loops = find_loops(self.scans, poses, self.loops)
+                for loop in ([Constraints.join(loops)] if len(loops) > 1 else []) + loops:
+                    trial, trial_support = self.close(poses, loop)
+                    if trial_support > support + self.loops.gain:
+                        poses, support = trial, trial_support
+                        closed = np.concatenate([closed, np.stack([loop.start, loop.end], axis=-1)])
+                        break
+                else:
+                    break
+        for _ in range(self.config.rounds - 2):
+            poses, _ = self.relax(poses, gates)
+        return Smoothed(poses, closed)
+
+    def relax(self, poses: Array, gates: Array) -> tuple[Array, float]:
+        """Match all neighbours and relax the graph once: poses (k, 3), and how many constraints agree with them."""
+        matched = match(self.scans, poses, neighbouring(poses, self.config), gates, self.config)
+        constraints = Constraints.join([self._motion, matched])
+        poses = self._optimize(poses, constraints, self.config.iterations)
+        return poses, float(weights(poses, constraints, self.config.scale).sum())
+
+    def wheel_scale(self, poses: Array) -> float:
+        """Metres driven per metre that the odometry says: the median where successive scans can tell; else 1.
+
+        A worn or badly measured wheel is wrong by the same share everywhere. Where a corridor leaves the scans no say,
+        the odometry then says what it says elsewhere, corrected.
+        """
+        successive = np.stack([np.arange(len(poses) - 1), np.arange(1, len(poses))], axis=-1)
+        found = match(self.scans, poses, successive, np.array(self.config.gates), self.config)
+        wheels = self._odometry[found.end, :2]
+        driven = np.hypot(wheels[:, 0], wheels[:, 1])
+        ahead = wheels / np.maximum(driven, 1e-9)[:, None]
+        known = np.einsum("ki,kij,kj->k", ahead, found.information[:, :2, :2], ahead)
+        c = self.config
+        both = np.trace(found.information[:, :2, :2], axis1=1, axis2=2)
+        usable = (driven > c.wheels_driven) & (known > c.wheels_known * both)
+        if usable.sum() < c.wheels_pairs:
+            return 1.0
+        scale = float(np.median(np.einsum("ki,ki->k", found.measured[usable, :2], ahead[usable]) / driven[usable]))
+        return scale if c.wheels_limits[0] < scale < c.wheels_limits[1] else 1.0
+
+    def close(self, poses: Array, loop: Constraints) -> tuple[Array, float]:
+        """Pull the graph together at ``loop``, then let it relax without: poses (k, 3) and what agrees with them."""
+        c = self.config
+        first_gates, gates = np.array(c.first_gates), np.array(c.gates)
+        matched = match(self.scans, poses, neighbouring(poses, c), gates, c)
+        sound = weights(poses, matched, c.scale) > self.loops.sound
+        chain = matched.end - matched.start <= max(c.hops)
+        firm = matched.pick(np.flatnonzero(chain & sound)).firm()  # what joins successive scans bends, it does not snap
+        visits = matched.pick(np.flatnonzero(~chain))
+        pulled = Constraints.join([self._motion, firm, visits, loop])
+        poses = self._optimize(poses, pulled, 2 * c.iterations)  # a pull from far takes longer
+        poses, _ = self.relax(poses, first_gates)
+        return self.relax(poses, gates)
+
+    def _optimize(self, poses: Array, constraints: Constraints, iterations: int) -> Array:
+        c = self.config
+        return optimize(
+            poses,
+            constraints,
+            iterations=iterations,
+            scale=c.scale,
+            settled_distance=c.settled_distance,
+            settled_angle=c.settled_angle,
+        )
+
+
+def neighbouring(poses: Array, config: SmoothingConfig) -> Indices:
+    """Pairs (p, 2) of key scans to match, the earlier first: those a few hops on, and the nearest of earlier visits."""
+    n = len(poses)
+    pairs = [np.stack([np.arange(n - hop), np.arange(hop, n)], axis=-1) for hop in config.hops if hop < n]
+    pairs.append(earlier_visits(poses, config.radius, config.apart, config.neighbours, config.turn_length))
+    return np.concatenate(pairs)
+
+
+@njit(cache=True, nogil=True)
+def earlier_visits(poses: Array, radius: float, apart: int, most: int, turn_length: float) -> Indices:
+    """Pairs (p, 2): for every key scan up to ``most`` earlier ones within ``radius`` m, the nearest of each visit.
+
+    A rad between their headings counts as ``turn_length`` m. The plain twin is in the tests.
+    """
+    n = len(poses)
+    found = np.empty((n * most, 2), np.int64)
+    away = np.empty(n)
+    count = 0
+    for later in range(n):
+        last = later - apart
+        any_near = False
+        for k in range(last):
+            dx, dy = poses[k, 0] - poses[later, 0], poses[k, 1] - poses[later, 1]
+            if dx * dx + dy * dy > radius * radius:
+                away[k] = np.inf
+                continue
+            turn = abs(poses[k, 2] - poses[later, 2]) % (2.0 * math.pi)
+            away[k] = math.hypot(dx, dy) + turn_length * min(turn, 2.0 * math.pi - turn)
+            any_near = True
+        if not any_near:
+            continue
+        for _ in range(most):
+            nearest = int(np.argmin(away[:last]))
+            if not away[nearest] < np.inf:
+                break
+            found[count, 0], found[count, 1] = nearest, later
+            count += 1
+            away[max(0, nearest - apart // 2) : min(last, nearest + apart // 2 + 1)] = np.inf
+    return found[:count].copy()
+
+
+def match(scans: ScanStore, poses: Array, pairs: Indices, gates: Array, config: SmoothingConfig) -> Constraints:
+    """The pairs (p, 2) that match: as constraints, robust, tempered; the others are left out."""
+    start, end = pairs[:, 0], pairs[:, 1]
+    guesses = geometry.between(poses[start], poses[end])
+    prior = np.array([config.guess_distance, config.guess_distance, config.guess_angle]) ** -2.0
+    stride = max(1, round(scans.first[-1] / len(scans) / config.match_points))
+    found = scans.match(start, end, guesses, prior, gates, stride=stride, iterations=config.match_iterations)
+    good = trusted(found, guesses, config)
+    information = config.temper * turned(found.information, found.poses[:, 2])
+    return Constraints(start[good], end[good], found.poses[good], information[good], np.ones(good.sum(), np.bool_))
+
+
+def trusted(found: Matches, guesses: Array, config: SmoothingConfig) -> NDArray[np.bool_]:
+    """Which matches (k,) are good enough, and near enough to their guesses (k, 3), to be believed."""
+    moved = geometry.between(guesses, found.poses)
+    return (
+        (found.overlap > config.overlap)
+        & (found.distance < config.distance)
+        & (np.hypot(moved[:, 0], moved[:, 1]) < config.longest_shift)
+        & (np.abs(moved[:, 2]) < config.largest_turn)
+    )
+
+
+def odometry_constraints(odometry: Array, config: SmoothingConfig) -> Constraints:
+    """The odometry (k, 3) from every key scan to the next: what holds where the scans leave a direction open."""
+    steps = odometry[1:]
+    driven, turned_by = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2])
+    deviation = np.empty_like(steps)
+    deviation[:, 0] = deviation[:, 1] = config.least + config.noise_distance * driven
+    deviation[:, 2] = config.least + config.noise_angle * turned_by + config.noise_drift * driven
+    information = np.zeros((len(steps), 3, 3))
+    information[:, [0, 1, 2], [0, 1, 2]] = deviation**-2
+    at = np.arange(len(steps))
+    return Constraints(at, at + 1, steps, information, np.ones(len(steps), np.bool_))

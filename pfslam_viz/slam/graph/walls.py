@@ -1,0 +1,90 @@
+"""The walls in a scan: the direction of the one that each end point lies on, from its neighbours.
+
+Scans keep the order of their beams, so the neighbours of an end point are neighbours in the array. The kernels' plain
+NumPy twins are in ``tests/slam/graph/test_walls.py``.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+
+
+@njit(cache=True, nogil=True)
+def within(points: Floats, center: Floats, distance: float) -> Floats:
+    """Those of the points (m, 2) that lie at most ``distance`` from ``center`` (2,), (k, 2)."""
+    out = np.empty_like(points)
+    k = 0
+    for b in range(len(points)):
+        if (points[b, 0] - center[0]) ** 2 + (points[b, 1] - center[1]) ** 2 <= distance**2:
+            out[k] = points[b]
+            k += 1
+    return out[:k]
+
+
+@njit(cache=True, nogil=True)
+def wall_normals(points: Floats, lidar_position: Floats, reach: float, neighbours: int, flatness: float) -> Floats:
+    """Unit normals (m, 2), towards the lidar, of the wall through each end point and its neighbours in ``reach`` m.
+
+    At most so many ``neighbours`` to either side count. Zero where fewer than two lie there, or where they do not form
+    a line: where the smaller eigenvalue of their covariance is more than ``flatness`` of the larger.
+    """
+    m = len(points)
+    out = np.zeros((m, 2))
+    for b in range(m):
+        n = 1
+        sx, sy = points[b, 0], points[b, 1]
+        sxx, sxy, syy = sx * sx, sx * sy, sy * sy
+        for side in (-1, 1):
+            k = b + side
+            reached = 0
+            while 0 <= k < m and reached < neighbours:
+                dx, dy = points[k, 0] - points[b, 0], points[k, 1] - points[b, 1]
+                if dx * dx + dy * dy > reach * reach:
+                    break
+                sx += points[k, 0]
+                sy += points[k, 1]
+                sxx += points[k, 0] * points[k, 0]
+                sxy += points[k, 0] * points[k, 1]
+                syy += points[k, 1] * points[k, 1]
+                n += 1
+                reached += 1
+                k += side
+        if n < 3:
+            continue
+        mx, my = sx / n, sy / n
+        a, d, c = sxx / n - mx * mx, sxy / n - mx * my, syy / n - my * my
+        half, root = 0.5 * (a + c), math.sqrt(max(0.25 * (a - c) ** 2 + d * d, 0.0))
+        small, large = half - root, half + root
+        if large < 1e-6 or small > flatness * large:
+            continue
+        angle = 0.5 * math.atan2(2.0 * d, a - c)  # along the wall
+        nx, ny = -math.sin(angle), math.cos(angle)
+        if nx * (lidar_position[0] - points[b, 0]) + ny * (lidar_position[1] - points[b, 1]) < 0.0:
+            nx, ny = -nx, -ny
+        out[b, 0], out[b, 1] = nx, ny
+    return out
+
+
+@njit(cache=True, nogil=True)
+def describe(
+    points: Floats, lidar_position: Floats, reach: float, neighbours: int, flatness: float, rows: Singles
+) -> None:
+    """Fill a scan's ``rows`` (m, 5): its end points, their :func:`wall_normals`, and their bearings from the lidar.
+
+    Bearings are those of successive beams, in [-pi, pi] at first and continued beyond pi; beams may lie more than pi
+    apart.
+    """
+    rows[:, :2] = points
+    rows[:, 2:4] = wall_normals(points, lidar_position, reach, neighbours, flatness)
+    turns, last = 0.0, 0.0
+    for b in range(len(points)):
+        bearing = math.atan2(points[b, 1] - lidar_position[1], points[b, 0] - lidar_position[0])
+        if b > 0 and bearing - last < -0.1:
+            turns += 2.0 * math.pi
+        last = bearing
+        rows[b, 4] = bearing + turns

@@ -1,0 +1,79 @@
+"""The particles' ancestry: whose map and trajectory each of them carries on."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pfslam_viz import geometry
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+class History:
+    """The poses of N particles at the key scans, who descends from whom, and the odometry in between."""
+
+    def __init__(self, count: int) -> None:
+        self.keys: list[int] = []  # position of every key scan among the scans so far
+        self._poses: list[Array] = []
+        self._parents: list[Indices] = []
+        self._carried: Indices = np.arange(count)
+        self._key_of: list[int] = []
+        self._offsets: list[Array] = []
+        self._odometry: list[Array] = []
+        self._moved: list[Array] = []
+
+    def __len__(self) -> int:
+        """How many key scans there are."""
+        return len(self._poses)
+
+    def add_key(self, poses: Array, odometry: Array, moved: Array) -> None:
+        """A scan was used, with the particles at ``poses`` (N, 3).
+
+        ``odometry`` (3,) led there from the key scan before, ``moved`` (3,) is what scan matching made of it. Call it
+        before :meth:`add_scan`.
+        """
+        self.keys.append(len(self._key_of))
+        self._poses.append(poses.copy())
+        self._odometry.append(odometry)
+        self._moved.append(moved)
+        self._parents.append(self._carried)
+        self._carried = np.arange(len(poses))
+
+    def add_scan(self, offset: Array) -> None:
+        """A scan came in at ``offset`` (3,) from the last key scan, which is zero for a key scan itself."""
+        self._key_of.append(len(self._poses) - 1)
+        self._offsets.append(offset)
+
+    def resample(self, ancestors: Indices) -> None:
+        """Particle p now carries on what particle ``ancestors[p]`` was."""
+        self._carried = self._carried[ancestors]
+
+    def key_poses(self, particle: int) -> Array:
+        """(keys, 3) poses at the key scans of the particle that is number ``particle`` now."""
+        out = np.empty((len(self._poses), 3))
+        at = int(self._carried[particle])
+        for k in range(len(self._poses) - 1, -1, -1):
+            out[k] = self._poses[k][at]
+            at = int(self._parents[k][at])
+        return out
+
+    def trajectory(self, key_poses: Array) -> Array:
+        """(n, 3) a pose for every scan so far, through ``key_poses`` (keys, 3).
+
+        Between two key scans the offsets' shape is kept; what they miss the second one by is spread evenly.
+        """
+        key, offset = np.array(self._key_of), np.array(self._offsets).reshape(-1, 3)
+        if len(key) == 0:
+            return np.zeros((0, 3))
+        out = geometry.compose(key_poses[key], offset)
+        first = np.array(self.keys)
+        share = (np.arange(len(key)) - first[key]) / np.diff(first, append=len(key))[key]
+        inner = key < len(key_poses) - 1
+        moved = np.array(self._moved)[1:]
+        missed = geometry.between(moved, geometry.between(key_poses[:-1], key_poses[1:]))
+        out[inner] = geometry.compose(out[inner], missed[key[inner]] * share[inner, None])
+        return out
+
+    def odometry(self) -> Array:
+        """(keys, 3) the odometry that led from the key scan before to each key scan; zero for the first."""
+        return np.array(self._odometry).reshape(-1, 3)

@@ -1,0 +1,61 @@
+"""The settings of the Rao-Blackwellized filter."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from pfslam_viz.settings import Config, Section, setting
+from pfslam_viz.slam.graph.settings import LoopClosingConfig, ScanMatchingConfig, SmoothingConfig
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class RaoBlackwellizedConfig(Section):
+    """The filter with a map per particle (Grisetti, Stachniss & Burgard 2007)."""
+
+    update_distance: float = setting(0.15, "a scan is used after so much motion ...", "m", gt=0)
+    update_angle: float = setting(0.15, "... or so much turning", "rad", gt=0)
+    still: float = setting(1e-4, "a robot that moves less in a scan, in m and in rad, stands", "m and rad", ge=0)
+    sigma: float = setting(0.05, "standard deviation of an end point off its wall", "m", gt=0)
+    floor: float = setting(0.1, "share of end points that no wall explains", gt=0, lt=1)
+    field_reach: int = setting(3, "how far from a wall the likelihood field reaches", "cells", ge=1, le=15)
+    temper: float = setting(0.1, "exponent of the scan's likelihood: end points are not independent", gt=0, le=1)
+    scan_temper: float = setting(0.05, "exponent of the scan-to-scan match's likelihood", gt=0, le=1)
+    scan_overlap: float = setting(
+        0.25, "share of matched end points below which a scan-to-scan match is left out and odometry rules", ge=0, le=1
+    )
+    scan_points: int = setting(200, "end points that are matched with the last key scan, about", ge=10)
+    scan_gates: tuple[Positive, ...] = setting(
+        (0.5, 0.3, 0.2, 0.1), "greatest distance of matched end points, iteration after iteration", "m", min_length=1
+    )
+    scan_iterations: int = setting(15, "of a match with the last key scan, at most", ge=1, le=100)
+    scan_prior: float = setting(
+        4.0, "how much wider than its noise the odometry's prior is in such a match: wheels also slip", gt=0
+    )
+    max_range: float = setting(20.0, "longer beams are neither matched nor written into the map", "m", gt=0)
+    free_beams: int = setting(100, "beams that clear free space at most; all of them mark walls", ge=10)
+    match_beams: int = setting(180, "end points that are matched with the map, evenly along the walls", ge=10)
+    match_spacing: float = setting(0.05, "between end points that are matched with the map", "m", ge=0)
+    search_distance: float = setting(0.04, "first step of the search for the optimum", "m", gt=0)
+    search_angle: float = setting(0.02, "first step of the search for the optimum", "rad", gt=0)
+    search_halvings: int = setting(4, "times that the steps are halved", ge=0, le=10)
+    search_moves: int = setting(120, "moves that are tried with one step, at most", ge=6)
+    samples: int = setting(30, "poses sampled round the optimum", ge=1)
+    sample_distance: float = setting(0.01, "their spread", "m", gt=0)
+    sample_angle: float = setting(0.005, "their spread", "rad", gt=0)
+    noise_distance: float = setting(0.05, "odometry: m of error per m driven", gt=0)
+    noise_angle: float = setting(0.1, "odometry: rad of error per rad turned", gt=0)
+    noise_drift: float = setting(0.03, "odometry: rad of error per m driven", "rad/m", gt=0)
+    noise_open: float = setting(0.03, "odometry: m of error per m driven where the scans leave a direction open", gt=0)
+    least_distance: float = setting(0.005, "odometry: error at least", "m", gt=0)
+    least_angle: float = setting(0.002, "odometry: error at least", "rad", gt=0)
+
+
+class RbpfConfig(Config):
+    """The filter with a map per particle, and what settles its trajectory in hindsight."""
+
+    backend: Literal["rao_blackwellized"] = setting("rao_blackwellized", "N trajectories, each with a map of its own")
+    rao_blackwellized: RaoBlackwellizedConfig = RaoBlackwellizedConfig()
+    scan_matching: ScanMatchingConfig = ScanMatchingConfig()
+    smoothing: SmoothingConfig = SmoothingConfig()
+    loop_closing: LoopClosingConfig = LoopClosingConfig()

@@ -1,0 +1,162 @@
+"""N occupancy maps that share what they have in common: a map per particle for the price of the differences.
+
+A map is a table of tiles of 32 x 32 cells. Maps that descend from one another point to the same tiles until one of them
+writes (copy on write), so that resampling copies tables, not maps. Every cell carries two numbers: its log-odds, and
+the likelihood field (Thrun, Burgard & Fox 2005, section 6.4): the logarithm of how likely an end point is there, above
+its floor, so 0 far from every wall and greatest on one. The field is kept up to date around the cells whose occupancy
+flips, so that matching never waits for a distance transform.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pfslam_viz.slam.rbpf.settings import RbpfConfig
+from pfslam_viz.slam.rbpf.tile_kernels import BITS, SIZE, Field, Floats, join, project, write_scans
+
+FIRST_TILES = 256
+
+
+@dataclass(frozen=True, slots=True)
+class TileSettings:
+    """What the maps need to know.
+
+    ``cell`` m, log-odds and ``threshold`` as in :class:`pfslam_viz.settings.MapConfig`; ``sigma`` m, the spread of end
+    points about a wall, ``floor``, the share of them that no wall explains, ``reach``, the cells by which the field
+    goes beyond a wall, and ``free_beams``, how many beams of a scan clear free space at most.
+    """
+
+    cell: float = 0.05
+    log_odds_hit: float = 0.9
+    log_odds_miss: float = 0.1
+    log_odds_bound: float = 4.0
+    threshold: float = 0.0
+    sigma: float = 0.05
+    floor: float = 0.1
+    reach: int = 3
+    free_beams: int = 100
+
+    @classmethod
+    def of(cls, config: RbpfConfig) -> "TileSettings":
+        """Those of one configuration."""
+        m, r = config.map, config.rao_blackwellized
+        return cls(
+            m.cell,
+            m.log_odds_hit,
+            m.log_odds_miss,
+            m.log_odds_bound,
+            m.threshold,
+            sigma=r.sigma,
+            floor=r.floor,
+            reach=r.field_reach,
+            free_beams=r.free_beams,
+        )
+
+
+class TileMaps:
+    """N maps on one world grid whose rows run down and columns right, as in :class:`OccupancyGrid`.
+
+    Attributes:
+        table: (N, rows, columns) int32, the tile at each place; 0 is the empty tile, which nobody owns.
+        log_odds, field: (tiles, 32, 32) float32.
+        origin: row and column of the cell at the world's origin.
+    """
+
+    def __init__(self, count: int, settings: TileSettings) -> None:
+        self.settings = settings
+        self.cell = settings.cell
+        self.table = np.zeros((count, 2, 2), np.int32)
+        self.origin = np.array([SIZE, SIZE])
+        self.log_odds = np.zeros((FIRST_TILES, SIZE, SIZE), np.float32)
+        self.field = np.zeros((FIRST_TILES, SIZE, SIZE), np.float32)
+        self._kernel = field_kernel(settings.cell, settings.sigma, settings.floor, settings.reach)
+        self._threshold = np.float32(settings.threshold)
+        self._references = np.zeros(FIRST_TILES, np.int32)
+        self._count_references()
+
+    def write(self, poses: Floats, points: Floats, lidar_position: Floats) -> None:
+        """Write a scan into map p as seen from pose p of (N, 3): end points (m, 2), lidar (2,) in the robot's frame."""
+        if len(points) == 0:
+            return
+        farthest = max(float(np.hypot(points[:, 0], points[:, 1]).max()), float(np.hypot(*lidar_position)))
+        span = farthest + (self.settings.reach + 2) * self.cell
+        self._reach(poses[:, :2].min(axis=0) - span, poses[:, :2].max(axis=0) + span)
+        c, written = self.settings, 0
+        while True:
+            written = write_scans(
+                self.table,
+                self.log_odds,
+                self.field,
+                self._references,
+                self._free,
+                self._free_count,
+                poses,
+                points,
+                lidar_position,
+                self.origin,
+                self.cell,
+                self._kernel,
+                c.log_odds_hit,
+                c.log_odds_miss,
+                c.log_odds_bound,
+                self._threshold,
+                1 + (len(points) - 1) // c.free_beams,
+                written,
+            )
+            if written == len(poses):
+                return
+            self._add_tiles()
+
+    def resample(self, parents: NDArray[np.intp]) -> None:
+        """Map p becomes a descendant of map ``parents[p]`` (N,)."""
+        self.table = self.table[parents]
+        self._count_references()
+
+    def project(self, index: int, pose: Floats, points: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+        """End points (m, 2) in the world from ``pose`` (3,), and whether each falls on an occupied cell of one map."""
+        return project(self.table[index], self.log_odds, self.origin, self.cell, self._threshold, pose, points)
+
+    def log_odds_of(self, index: int) -> tuple[Field, tuple[int, int]]:
+        """One map's log-odds (rows, columns) as an array of its own, and the row and column of the world's origin."""
+        return join(self.table[index], self.log_odds), (int(self.origin[0]), int(self.origin[1]))
+
+    def _reach(self, lowest: Floats, highest: Floats) -> None:
+        """Grow the tables until the world box from ``lowest`` to ``highest`` (x, y) m lies inside."""
+        top_left = np.floor(np.array([-highest[1], lowest[0]]) / self.cell).astype(np.int64) + self.origin
+        bottom_right = np.floor(np.array([-lowest[1], highest[0]]) / self.cell).astype(np.int64) + self.origin
+        before = np.where(top_left < 0, -(top_left >> BITS) + 2, 0)
+        after = np.maximum(0, (bottom_right >> BITS) + 1 - self.table.shape[1:])
+        after = np.where(after > 0, after + 2, 0)
+        if before.any() or after.any():
+            self.table = np.pad(self.table, ((0, 0), *zip(before.tolist(), after.tolist(), strict=True)))
+            self.origin = self.origin + before * SIZE
+
+    def _add_tiles(self) -> None:
+        more = len(self.log_odds)
+        self.log_odds = np.concatenate([self.log_odds, np.zeros_like(self.log_odds)])
+        self.field = np.concatenate([self.field, np.zeros_like(self.field)])
+        self._references = np.concatenate([self._references, np.zeros(more, np.int32)])
+        self._count_references()
+
+    def _count_references(self) -> None:
+        self._references = np.bincount(self.table.ravel(), minlength=len(self.log_odds)).astype(np.int32)
+        unused = self._references == 0
+        unused[0] = False
+        free = np.flatnonzero(unused)[::-1].astype(np.int32)
+        self._free = np.zeros(len(self.log_odds), np.int32)
+        self._free[: len(free)] = free
+        self._free_count = np.array([len(free)], np.int64)
+
+
+def field_kernel(cell: float, sigma: float, floor: float, reach: int) -> Field:
+    """The field round one occupied cell, (2 ``reach`` + 1)²: log(floor + (1 - floor) exp(-d² / 2 sigma²)) - log(floor).
+
+    ``sigma`` m is the spread of end points about a wall, ``floor`` the share of end points that no wall explains.
+    """
+    offset = np.arange(-reach, reach + 1) * cell
+    square = offset[:, None] ** 2 + offset[None, :] ** 2
+    value = np.log(floor + (1.0 - floor) * np.exp(-square / (2.0 * sigma**2))) - math.log(floor)
+    value[square > (reach * cell) ** 2 + 1e-9] = 0.0
+    return value.astype(np.float32)

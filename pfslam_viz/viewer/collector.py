@@ -1,0 +1,167 @@
+"""What a recording shows of a replay, copied out of the Steps as they come.
+
+Scans are kept in batches; maps, textures and the like are taken when they are due.
+
+Nothing of Rerun is needed here; :mod:`pfslam_viz.viewer.drawing` draws it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pfslam_viz.recordings.recording import Recording
+from pfslam_viz.replay import Result
+from pfslam_viz.slam.occupancy_grid import OccupancyGrid
+from pfslam_viz.step import Step
+from pfslam_viz.viewer import contents, entities
+from pfslam_viz.viewer.ancestry import Ancestry
+from pfslam_viz.viewer.camera_images import CameraImages
+from pfslam_viz.viewer.contents import Content, Lines, TimedContent
+from pfslam_viz.viewer.entities import ONLY_RUN, Entity
+from pfslam_viz.viewer.scan_batch import ScanBatch, ScanCopy, stride
+
+if TYPE_CHECKING:
+    from pfslam_viz.texture import FloorTexture
+
+Array = NDArray[np.float64]
+
+MAP_FRAMES, TEXTURE_FRAMES, CAMERA_FRAMES, WALL_FRAMES = 200, 75, 200, 40
+MAP_BYTES, TEXTURE_BYTES = 200_000_000, 150_000_000  # uncompressed: what the viewer has to hold
+LINEAGES_EVERY = 10  # scans
+
+
+@dataclass(frozen=True, slots=True)
+class StreamOptions:
+    """Size against detail.
+
+    ``map_every`` scans a map is logged; None spreads about 200 over the recording. At most ``max_particles`` and
+    ``max_beams`` are drawn of a scan.
+    """
+
+    map_every: int | None = None
+    max_particles: int = 500
+    max_beams: int = 270
+
+
+class Collector:
+    """Takes Steps with :meth:`add`, and gives what was collected with :meth:`take`. :meth:`finish` adds the ends."""
+
+    def __init__(
+        self, recording: Recording, options: StreamOptions, run: str = ONLY_RUN, *, shared: bool = True
+    ) -> None:
+        """``run`` is its name in entity paths; ``shared`` includes what is no run's own: dead reckoning's map."""
+        self._options, self._run, self._shared = options, run, shared
+        n = len(recording)
+        self._maps = contents.FrameBudget(n, MAP_FRAMES, MAP_BYTES, options.map_every)
+        self._textures = contents.FrameBudget(n, TEXTURE_FRAMES, TEXTURE_BYTES)
+        self._walls = contents.FrameBudget(n, WALL_FRAMES, MAP_BYTES)
+        self._lineages = contents.FrameBudget(n, 0, 0, every=LINEAGES_EVERY)
+        self._ancestry = Ancestry()
+        span = (float(recording.stamps[0]) - 1.0, float(recording.stamps[-1]))
+        self._camera = CameraImages(recording.frames, span, CAMERA_FRAMES)
+        self._last: Step | None = None
+        self._counts = {"particles": 0, "beams": 0}
+        self._scans: list[ScanCopy] = []
+        self._contents: list[TimedContent] = []
+
+    def __len__(self) -> int:
+        """The scans collected."""
+        return len(self._scans)
+
+    def add(self, step: Step) -> None:
+        """Take a scan, and the contents that are due."""
+        self._last = step
+        maps_due = self._maps.is_due(step.index)
+        if maps_due and self._shared:
+            step.dead_reckoning_grid.catch_up()
+        self._counts["particles"] = max(self._counts["particles"], len(step.estimate.weights))
+        self._counts["beams"] = max(self._counts["beams"], len(step.end_points))
+        lineages = self._ancestry.add(step.estimate.particles, step.estimate.parents)
+        self._scans.append(ScanCopy.of(step, self._options.max_beams, lineages=lineages))
+        if self._lineages.is_due(step.index):
+            self._lineages.spend(step.index, 0)
+            self._add(entities.LINEAGES, step, Lines(self._ancestry.segments(), entities.LINEAGES.z))
+        if maps_due:
+            self._maps.spend(step.index, self._add_maps(step, step.grid, step.dead_reckoning_grid))
+        if self._walls.is_due(step.index):
+            self._walls.spend(step.index, 0)
+            self._add(entities.WALLS, step, contents.walls(step.grid))
+        if step.texture is not None:
+            self._add_texture(step, step.texture)
+        for row, image in self._camera.due(step.stamp):
+            self._add(row, step, image)
+
+    def finish(self, result: Result) -> None:
+        """Take what is known only at the end: the last maps, the trajectory in hindsight, closed loops."""
+        if self._last is None:
+            return
+        self._add_maps(self._last, result.grid, result.dead_reckoning_grid)
+        self._add(entities.WALLS, self._last, contents.walls(result.grid))
+        if result.texture is not None:
+            self._add_texture(self._last, result.texture, always=True)
+        if hindsight_differs(result):
+            self._add_lines(entities.HINDSIGHT_TRAJECTORY, self._last, [result.estimate])
+        if result.closures:
+            pairs = [np.stack([c.earlier_position, c.later_position]) for c in result.closures]
+            self._add_lines(entities.CLOSURES, self._last, pairs)
+
+    def take(self) -> tuple[ScanBatch | None, tuple[TimedContent, ...]]:
+        """The scans (None: there are none) and the other contents since the last call."""
+        batch, taken = ScanBatch.of(self._scans) if self._scans else None, tuple(self._contents)
+        self._scans, self._contents = [], []
+        return batch, taken
+
+    def close(self) -> None:
+        """Stop decoding camera images."""
+        self._camera.close()
+
+    @property
+    def left_out(self) -> list[str]:
+        """What was not taken, or will not be drawn, a phrase each."""
+        out = []
+        for what, most in (("particles", self._options.max_particles), ("beams", self._options.max_beams)):
+            total = self._counts[what]
+            shown = len(range(0, total, stride(total, most)))
+            if shown < total:
+                out.append(f"{what}: {shown:,} of {total:,} drawn (--max-{what})")
+        done = 0 if self._last is None else self._last.index + 1
+        if self._maps.logged < done:
+            out.append(f"maps: {self._maps.logged:,} of {done:,} scans have one (--map-every)")
+        if self._textures.skipped:
+            out.append(f"textures: {self._textures.logged:,} of {self._textures.logged + self._textures.skipped:,}")
+        if self._camera.logged < self._camera.available:
+            out.append(f"camera images: {self._camera.logged:,} of {self._camera.available:,} of a kind")
+        return out
+
+    def _add(self, row: Entity, step: Step, content: Content) -> None:
+        self._contents.append(TimedContent(row.path(self._run), step.index, step.time, content))
+
+    def _add_lines(self, row: Entity, step: Step, lines: Sequence[Array]) -> None:
+        self._add(row, step, Lines([line[:, :2].astype(np.float32) for line in lines], row.z))
+
+    def _add_maps(self, step: Step, grid: OccupancyGrid, reckoned: OccupancyGrid) -> int:
+        """Bytes of what was added."""
+        grids = [(entities.MAP, grid), (entities.RECKONED_MAP, reckoned)]
+        size = 0
+        for row, shown in grids if self._shared else grids[:1]:
+            cells = contents.grid_map(shown)
+            self._add(row, step, cells)
+            size += cells.values.size
+        return size
+
+    def _add_texture(self, step: Step, texture: "FloorTexture", always: bool = False) -> None:
+        if always or self._textures.is_due(step.index):
+            cells = contents.texture_map(texture)
+            self._textures.spend(step.index, cells.values.size)
+            self._add(entities.TEXTURE, step, cells)
+        else:
+            self._textures.skipped += 1
+
+
+def hindsight_differs(result: Result) -> bool:
+    """Whether the end knows another trajectory than the one that was estimated on the way (by a millimetre)."""
+    estimate, online = result.estimate, result.online
+    return len(estimate) == len(online) and not np.allclose(estimate[:, :2], online[:, :2], rtol=0.0, atol=1e-3)

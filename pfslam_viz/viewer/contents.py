@@ -1,0 +1,216 @@
+"""What is shown of some scans only: grids, textures, walls, lines, camera images; and how many a recording may hold.
+
+Plain arrays, copied, as in :mod:`pfslam_viz.viewer.scan_batch`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pfslam_viz.recordings.images import UnusableImage, read_image
+from pfslam_viz.slam.occupancy_grid import OccupancyGrid
+from pfslam_viz.viewer import kernels
+from pfslam_viz.viewer.entities import MAP, TEXTURE
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pfslam_viz.texture import FloorTexture
+
+UNKNOWN = 255  # as in ROS: 0 is free, 100 occupied
+IMAGE_SCALE = 2  # camera images are reduced by this
+FARTHEST_DISPARITY = 1100  # raw; the formula has no depth beyond
+WALL_HEIGHT = 0.6  # m: low enough to look over
+_STEPS = 12.0  # levels of the table below per unit of log-odds
+_TABLE = np.round(100.0 / (1.0 + np.exp(-(np.arange(256) - 128) / _STEPS))).astype(np.uint8)
+
+
+@dataclass(frozen=True, slots=True)
+class Cells:
+    """A grid on the floor: (rows, columns) as ROS counts them, or RGBA colours (rows, columns, 4); row 0 is the top.
+
+    ``corner`` (3,) m is the lower left one, ``cell`` m a cell's edge.
+    """
+
+    values: NDArray[np.uint8]
+    cell: float
+    corner: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Boxes:
+    """Boxes (n, 3) along the axes: where their centres are, and half of how long, m."""
+
+    centers: NDArray[np.float32]
+    half_sizes: NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class Lines:
+    """Polylines (m, 2) each, or (k, m, 2) for all of them, at height ``z`` m."""
+
+    strips: Sequence[NDArray[np.float32]] | NDArray[np.float32]
+    z: float
+
+
+@dataclass(frozen=True, slots=True)
+class Jpeg:
+    """An image, encoded."""
+
+    contents: NDArray[np.uint8]
+
+
+Content = Cells | Boxes | Lines | Jpeg
+
+
+@dataclass(frozen=True, slots=True)
+class TimedContent:
+    """What the entity ``path`` shows from scan ``step`` on, ``seconds`` after the first one."""
+
+    path: str
+    step: int
+    seconds: float
+    content: Content
+
+
+@dataclass
+class FrameBudget:
+    """Spreads ``frames`` frames (maps, textures), and at most ``bytes`` of them uncompressed, over ``steps`` steps.
+
+    A map that grows in mid-run is shown less often, so that the viewer's memory holds the whole recording.
+    """
+
+    steps: int
+    frames: int
+    bytes: int
+    every: int | None = None
+    logged: int = 0
+    skipped: int = 0
+    _next: int = 0
+    _spent: int = 0
+
+    def is_due(self, step: int) -> bool:
+        """Whether ``step`` (counted from 0) gets a frame."""
+        return step >= self._next
+
+    def spend(self, step: int, size: int) -> None:
+        """A frame of ``size`` bytes was logged at ``step``."""
+        self.logged += 1
+        self._spent += size
+        if self.every is not None:
+            self._next = step + self.every
+            return
+        rest = max(self.steps - step, 1)
+        left = min(max(self.frames - self.logged, 1), max((self.bytes - self._spent) // max(size, 1), 1))
+        self._next = step + max(-(-rest // left), 1)
+
+
+def occupancy(log_odds: NDArray[np.float32]) -> tuple[NDArray[np.uint8], slice, slice]:
+    """The known part of a map, as ROS and Rerun count: 0 free to 100 occupied, 255 unknown; and its rows and columns.
+
+    Where nothing is known, it is one cell.
+    """
+    cells, box = kernels.shade(log_odds, _TABLE, _STEPS, UNKNOWN)
+    return cells, *_slices(box)
+
+
+def grid_map(grid: OccupancyGrid) -> Cells:
+    """The known part of the grid. Row 0 is the top in both."""
+    cells, rows, columns = occupancy(grid.log_odds)
+    return _placed(cells, grid, rows, columns, MAP.z)
+
+
+def _slices(box: NDArray[np.int64]) -> tuple[slice, slice]:
+    top, bottom, left, right = box.tolist()
+    return slice(top, bottom + 1), slice(left, right + 1)
+
+
+def _placed(
+    values: NDArray[np.uint8], grid: "OccupancyGrid | FloorTexture", rows: slice, columns: slice, z: float
+) -> Cells:
+    """``values``, those of ``grid`` at ``rows`` and ``columns``, in their place."""
+    left, bottom = grid.lower_left
+    corner = (left + columns.start * grid.cell, bottom + (grid.shape[0] - rows.stop) * grid.cell, z)
+    return Cells(values, grid.cell, corner)
+
+
+def texture_map(texture: "FloorTexture") -> Cells:
+    """The painted part of the floor texture, transparent elsewhere."""
+    rows, columns = _slices(kernels.known_box(texture.weight))
+    painted = texture.weight[rows, columns] > 0
+    colors = np.empty((*painted.shape, 4), np.uint8)
+    colors[..., :3] = texture.color[rows, columns]
+    colors[..., 3] = painted * np.uint8(255)
+    return _placed(colors, texture, rows, columns, TEXTURE.z)
+
+
+def walls(grid: OccupancyGrid) -> Boxes:
+    """The occupied cells as boxes, one for each run of them in a row, centred (z too) on :data:`WALL_HEIGHT` / 2."""
+    occupied = np.pad(grid.occupied > 0, ((0, 0), (1, 1)))
+    width = occupied.shape[1] - 1
+    changes = np.flatnonzero(
+        occupied[:, 1:] != occupied[:, :-1]
+    )  # in row order: where a run begins, where it ends, ...
+    (rows, first), last = divmod(changes[::2], width), changes[1::2] % width
+    left = grid.centers(np.stack([rows, first], axis=-1))
+    half = np.full((len(rows), 3), grid.cell / 2, np.float32)
+    half[:, 0] *= last - first
+    half[:, 2] = WALL_HEIGHT / 2
+    centers = np.full((len(rows), 3), WALL_HEIGHT / 2, np.float32)
+    centers[:, 0] = left[:, 0] - grid.cell / 2 + half[:, 0]
+    centers[:, 1] = left[:, 1]
+    return Boxes(centers, half)
+
+
+def color_jpeg(path: "Path", scale: int = IMAGE_SCALE) -> Jpeg | None:
+    """A colour frame, reduced, as JPEG; None where the file cannot be read."""
+    import cv2
+
+    image = _pixels(path)
+    if image is None or image.ndim != 3 or image.dtype != np.uint8:
+        return None
+    height, width = image.shape[:2]
+    return _jpeg(cv2.resize(image, (width // scale, height // scale), interpolation=cv2.INTER_AREA))
+
+
+def disparity_jpeg(path: "Path", scale: int = IMAGE_SCALE) -> Jpeg | None:
+    """A disparity frame (uint16), near bright, pixels without depth black, reduced, as JPEG; None if unreadable."""
+    import cv2
+
+    raw = _pixels(path)
+    if raw is None or raw.ndim != 2:
+        return None
+    shades, colors = _nearness()
+    return _jpeg(cv2.applyColorMap(shades[np.minimum(raw[::scale, ::scale], FARTHEST_DISPARITY)], colors))
+
+
+def _pixels(path: "Path") -> NDArray[Any] | None:
+    try:
+        return read_image(path)
+    except UnusableImage:
+        return None
+
+
+def _jpeg(image: Any) -> Jpeg:
+    import cv2
+
+    return Jpeg(np.asarray(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 80])[1], np.uint8).ravel())
+
+
+@cache
+def _nearness() -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """A shade for each raw disparity up to FARTHEST_DISPARITY, near bright, 0 without depth, (34); and the shades' BGR
+    colours (256, 1, 3)."""
+    import cv2
+
+    raw = np.arange(FARTHEST_DISPARITY + 1)
+    inverse_depth = -0.00304 * raw + 3.31  # up to a factor: what the eye reads as nearness
+    valid = (raw > 0) & (inverse_depth > 0.1) & (inverse_depth < 3.3)
+    shades: NDArray[np.uint8] = np.where(valid, np.clip(inverse_depth / 2.6, 0.0, 1.0) * 215 + 40, 0).astype(np.uint8)
+    colors = np.array(cv2.applyColorMap(np.arange(256, dtype=np.uint8)[:, None], cv2.COLORMAP_INFERNO), np.uint8)
+    colors[0] = 0
+    return shades, colors

@@ -1,0 +1,53 @@
+"""The examples run, and show what they say."""
+
+import importlib.util
+import re
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+
+def example(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_own_arrays(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    example("own_arrays").main([str(tmp_path / "room.rrd")])
+    reckoned, filtered = (float(number) for number in re.findall(r"([\d.]+) m", capsys.readouterr().out))
+    assert reckoned > 0.1  # 5 % of 12.6 m and 3 % of a turn
+    assert filtered < 0.01  # the noise of one range
+    assert (tmp_path / "room.rrd").read_bytes()[:4] == b"RRF2"
+
+
+def test_the_room_is_measured_right() -> None:
+    module = example("own_arrays")
+    first = module.drive().ranges[0]  # at (0, -2), looking along x, in a room of 10 x 8 m
+    assert first[120] == pytest.approx(5.0, abs=0.05)  # ahead
+    assert first[210] == pytest.approx(6.0, abs=0.05)  # 90 degrees to the left
+    assert first[30] == pytest.approx(2.0, abs=0.05)  # to the right
+
+
+def test_compare_two_configs(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    room = example("own_arrays").drive(40)
+    module = example("compare_two_configs")
+    read: list[str] = []
+
+    def load(name: str) -> object:
+        read.append(name)
+        return room
+
+    monkeypatch.setattr(module.pf, "load_recording", load)
+    module.main([])
+    module.main(["room", "default"])
+    lines = capsys.readouterr().out.splitlines()
+    assert read == ["demo", "room"]
+    assert [line.split()[0] for line in lines] == ["room,", "paper", "default", "room,", "default", "default"]
+    assert lines[4].split()[:5] == lines[5].split()[:5]  # the same run twice
+    assert lines[1].split()[1] != lines[2].split()[1]

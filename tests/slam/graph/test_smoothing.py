@@ -1,0 +1,283 @@
+"""Key scans of a drive round a block of rooms, cast with known truth, smoothed from a start that has drifted."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pfslam_viz import geometry
+from pfslam_viz.simulation.sensors import true_ranges
+from pfslam_viz.slam.graph.scan_store import Matches, ScanStore
+from pfslam_viz.slam.graph.settings import LoopClosingConfig, ScanMatchingConfig, SmoothingConfig
+from pfslam_viz.slam.graph.smoothing import (
+    Smoother,
+    earlier_visits,
+    match,
+    neighbouring,
+    odometry_constraints,
+    trusted,
+)
+
+Array = NDArray[np.float64]
+
+ANGLES = np.linspace(-0.75 * np.pi, 0.75 * np.pi, 181)
+TURN_LENGTH = 0.7  # m per rad
+NO_LOOPS = LoopClosingConfig(enabled=False)
+
+
+def box(x0: float, y0: float, x1: float, y1: float) -> list[tuple[float, float, float, float]]:
+    return [(x0, y0, x1, y0), (x1, y0, x1, y1), (x1, y1, x0, y1), (x0, y1, x0, y0)]
+
+
+# A corridor 2 m wide round a block, with things of different sizes along its walls
+BLOCK = np.array(
+    box(-1, -1, 9, 7) + box(1, 1, 7, 5) + box(2.0, -1, 2.6, -0.7) + box(5.2, 0.75, 5.9, 1) + box(8.6, 1.3, 9, 2.2)
+    + box(7, 3.5, 7.3, 4.0) + box(5.5, 6.6, 6.2, 7) + box(2.5, 5, 2.8, 5.25) + box(-1, 4.1, -0.75, 4.9)
+    + box(0.8, 2.2, 1, 2.9)
+)  # fmt: skip
+CORRIDOR = np.array([(-100.0, -1.1, 100.0, -1.1), (-100.0, 1.1, 100.0, 1.1)])
+
+
+def around(step: float = 0.2) -> Array:
+    """Key poses once round the block and 2 m further, turning on the spot at its corners."""
+    increments = [(0.0, 0.0, 0.0)]
+    for side in (8.0, 6.0, 8.0, 6.0, 2.0):
+        increments += [(step, 0.0, 0.0)] * round(side / step) + [(0.0, 0.0, math.pi / 20)] * 10
+    return geometry.accumulate(increments[:-10])
+
+
+def scans_from(walls: Array, poses: Array, rng: np.random.Generator, noise: float = 0.01) -> ScanStore:
+    store = ScanStore(np.zeros(2), ScanMatchingConfig())
+    for ranges in true_ranges(walls, poses, ANGLES)[0]:
+        seen = ranges < 15.0
+        noisy = ranges[seen] + noise * rng.standard_normal(seen.sum())
+        store.add(np.stack([noisy * np.cos(ANGLES[seen]), noisy * np.sin(ANGLES[seen])], axis=-1))
+    return store
+
+
+def steps_of(poses: Array) -> Array:
+    """Increments (k, 3) that lead to each pose; zero for the first."""
+    return np.vstack([np.zeros(3), geometry.between(poses[:-1], poses[1:])])
+
+
+def drifting(steps: Array, rng: np.random.Generator, scale: float = 1.02, turn: float = 0.002) -> Array:
+    """Odometry whose wheels are ``scale`` too large and whose heading drifts by ``turn`` rad a step."""
+    moved = np.hypot(steps[:, 0], steps[:, 1])[:, None] > 0
+    drifted: Array = steps * [scale, scale, 1.0] + moved * [0.0, 0.0, turn]
+    return drifted + moved * rng.normal(0, 0.002, steps.shape)
+
+
+def rms(poses: Array, truth: Array) -> tuple[float, float]:
+    """Root mean square of the distances in m and of the headings in rad."""
+    error = poses - truth
+    turn = geometry.wrap(error[:, 2])
+    return float(np.sqrt(np.mean(error[:, 0] ** 2 + error[:, 1] ** 2))), float(np.sqrt(np.mean(turn**2)))
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_drifted_round_is_smoothed_to_the_truth(seed: int) -> None:
+    """1 m or so of drift over 30 m, noise of 1 cm: a centimetre and a tenth of a degree remain."""
+    rng = np.random.default_rng(seed)
+    truth = around()
+    scans = scans_from(BLOCK, truth, rng)
+    odometry = drifting(steps_of(truth), rng)
+    drifted = geometry.accumulate(odometry)
+    smoothed = Smoother(scans, odometry, SmoothingConfig(), NO_LOOPS).smooth(drifted)
+    assert rms(drifted, truth)[0] > 0.5
+    distance, turn = rms(smoothed.poses, truth)
+    assert distance < 0.012 and turn < math.radians(0.15)
+    np.testing.assert_array_equal(smoothed.poses[0], truth[0])
+    assert smoothed.closed.shape == (0, 2)
+
+
+def test_the_second_visit_is_laid_on_the_first() -> None:
+    """Where the robot drives the first 2 m again, its poses relative to the first visit are right to a centimetre."""
+    rng = np.random.default_rng(3)
+    truth = around()
+    scans = scans_from(BLOCK, truth, rng)
+    odometry = drifting(steps_of(truth), rng)
+    smoothed = Smoother(scans, odometry, SmoothingConfig(), NO_LOOPS).smooth(geometry.accumulate(odometry)).poses
+    missed = geometry.between(geometry.between(smoothed[1], smoothed[-9]), geometry.between(truth[1], truth[-9]))
+    assert np.abs(missed[:2]).max() < 0.01 and abs(missed[2]) < 0.004
+    alone = Smoother(scans, odometry, SmoothingConfig(neighbours=0), NO_LOOPS)
+    without = alone.smooth(geometry.accumulate(odometry)).poses
+    assert rms(smoothed, truth)[0] < rms(without, truth)[0]
+
+
+def test_a_round_that_missed_its_start_is_closed() -> None:
+    """The odometry errs by metres where the lidar was blind: the start is out of reach, and yet recognised."""
+    rng = np.random.default_rng(4)
+    truth = around()
+    scans = scans_from(BLOCK, truth, rng)
+    blinded = ScanStore(
+        np.zeros(2), ScanMatchingConfig()
+    )  # scans 85 to 99 see nothing: only the odometry leads on, and it is wrong there
+    for k in range(len(truth)):
+        blinded.add(scans.points_of(k)[: 0 if 85 <= k < 100 else None])
+    odometry = steps_of(truth)
+    odometry[85:100] += [0.12, 0.06, 0.01]
+    drifted = geometry.accumulate(odometry)
+    assert rms(drifted[-10:], truth[-10:])[0] > 1.5
+    config = SmoothingConfig(radius=1.0)
+    left = Smoother(blinded, odometry, config, NO_LOOPS).smooth(drifted)
+    closed = Smoother(blinded, odometry, config, LoopClosingConfig(least_reach=3.0)).smooth(drifted)
+    assert rms(left.poses[-10:], truth[-10:])[0] > 0.5 and len(left.closed) == 0
+    assert rms(closed.poses[-10:], truth[-10:])[0] < 0.03
+    assert len(closed.closed) > 0
+    for earlier, later in closed.closed:
+        assert later - earlier > 100 and np.hypot(*(truth[earlier] - truth[later])[:2]) < 3.5
+
+
+def test_where_the_scans_are_open_odometry_rules() -> None:
+    """A bare corridor: the particles were 10 % too far along it and off across it; only the latter is corrected.
+
+    Along it the odometry, 3 % short, is followed; across it and in heading the walls.
+    """
+    rng = np.random.default_rng(5)
+    truth = np.column_stack([0.15 * np.arange(40), 0.1 * np.sin(np.arange(40) / 8), 0.05 * np.cos(np.arange(40) / 8)])
+    truth = geometry.between(truth[0], truth)
+    walls = geometry.transform(geometry.inverse(np.array([0.0, 0.0, 0.05])), CORRIDOR.reshape(-1, 2)).reshape(-1, 4)
+    scans = scans_from(walls, truth, rng)
+    odometry = steps_of(truth) * [0.97, 1.0, 1.0]
+    start = truth * [1.1, 1.0, 1.0]
+    start[1:] += rng.normal(0, [0.0, 0.02, 0.01], (39, 3))
+    smoothed = Smoother(scans, odometry, SmoothingConfig(), NO_LOOPS).smooth(start).poses
+    frame = np.array([0.0, 0.0, -0.05])  # the corridor's axis, seen from the first pose
+    along, across = geometry.transform(geometry.inverse(frame), smoothed[:, :2] - truth[:, :2]).T
+    reckoned = geometry.transform(geometry.inverse(frame), geometry.accumulate(odometry)[:, :2] - truth[:, :2])[:, 0]
+    np.testing.assert_allclose(along, reckoned, atol=0.01)
+    assert reckoned[-1] < -0.15 and np.abs(across).max() < 0.01
+    assert np.abs(geometry.wrap(smoothed[:, 2] - truth[:, 2])).max() < 0.006
+
+
+def test_scans_that_see_nothing_leave_the_odometry() -> None:
+    odometry = np.tile([0.2, 0.01, 0.02], (12, 1))
+    scans = ScanStore(np.zeros(2), ScanMatchingConfig())
+    for _ in range(12):
+        scans.add(np.zeros((0, 2)))
+    poses = geometry.accumulate(odometry)
+    start = poses + np.linspace(0, 0.1, 12)[:, None]
+    smoothed = Smoother(scans, odometry, SmoothingConfig(), LoopClosingConfig()).smooth(start).poses
+    np.testing.assert_allclose(geometry.between(start[0], smoothed), geometry.between(poses[0], poses), atol=2e-3)
+
+
+def test_one_or_two_key_scans_stay_as_they_are() -> None:
+    poses = np.array([[0.0, 0, 0], [0.3, 0.1, 0.2]])
+    scans = scans_from(BLOCK, poses, np.random.default_rng(6))
+    for k in (1, 2):
+        smoother = Smoother(scans, steps_of(poses)[:k], SmoothingConfig(), LoopClosingConfig())
+        np.testing.assert_array_equal(smoother.smooth(poses[:k]).poses, poses[:k])
+
+
+# What is matched with what
+
+
+def plain_visits(poses: Array, radius: float, apart: int, most: int) -> list[tuple[int, int]]:
+    """Sort the near earlier ones by distance; take the nearest, leave out what belongs to the visits taken."""
+    found = []
+    for later in range(len(poses)):
+        steps = geometry.between(poses[: max(later - apart, 0)], poses[later])
+        away = np.hypot(steps[:, 0], steps[:, 1])
+        near = [(away[k] + TURN_LENGTH * abs(steps[k, 2]), k) for k in np.flatnonzero(away <= radius).tolist()]
+        taken: list[int] = []
+        for _, earlier in sorted(near):
+            if len(taken) < most and all(abs(earlier - other) > apart // 2 for other in taken):
+                taken.append(earlier)
+        found += [(earlier, later) for earlier in taken]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("radius", "apart", "most"), [(2.0, 30, 3), (1.0, 10, 2), (3.0, 5, 1), (2.0, 1, 4), (2.0, 30, 0)]
+)
+def test_earlier_visits_equal_a_plain_search(radius: float, apart: int, most: int) -> None:
+    """On a random walk of 200 poses that turns in a small area."""
+    rng = np.random.default_rng(7)
+    poses = geometry.accumulate(np.column_stack([np.full(200, 0.3), np.zeros(200), rng.normal(0.2, 0.2, 200)]))
+    found = earlier_visits(poses, radius, apart, most, TURN_LENGTH)
+    assert [tuple(pair) for pair in found.tolist()] == plain_visits(poses, radius, apart, most)
+    assert most == 0 or len(found) > 100
+
+
+def test_earlier_visits_by_hand() -> None:
+    """Poses 0 to 4 pass a place, 8 stands at 2 with the same heading, 9 there facing back, 10 far away."""
+    x = np.array([0.0, 1, 2, 3, 4, 10, 20, 30, 2.1, 2.1, 50])
+    poses = np.column_stack([x, 0 * x, np.where(np.arange(11) == 9, math.pi, 0.0)])
+    assert earlier_visits(poses, 0.5, 4, 3, TURN_LENGTH).tolist() == [[2, 8], [2, 9]]
+    poses[3, 2] = math.pi  # 3 faces back as well: 0.9 m are less than 0.1 m and half a turn at 0.7 m / rad
+    assert earlier_visits(poses, 1.0, 4, 1, TURN_LENGTH).tolist() == [[2, 8], [3, 9]]
+    assert earlier_visits(poses, 1.5, 4, 3, TURN_LENGTH).tolist() == [[2, 8], [3, 9]]  # 2 and 3 are the same visit
+    assert earlier_visits(poses, 0.5, 7, 3, TURN_LENGTH).tolist() == []  # 2 is no more than 7 before 9
+
+
+def test_neighbours_are_some_hops_on_and_the_earlier_visits() -> None:
+    poses = np.column_stack([np.arange(12.0) * 10, np.zeros(12), np.zeros(12)])
+    pairs = neighbouring(poses, SmoothingConfig())
+    expected = [(k, k + hop) for hop in (1, 2, 4, 8) for k in range(12 - hop)]
+    assert [tuple(pair) for pair in pairs.tolist()] == expected
+    poses[11] = poses[0]
+    pairs = neighbouring(poses, SmoothingConfig(apart=5))
+    assert [tuple(pair) for pair in pairs.tolist()] == [*expected, (0, 11)]
+    assert [tuple(pair) for pair in neighbouring(poses[:2], SmoothingConfig()).tolist()] == [(0, 1)]
+
+
+# What is believed
+
+
+def test_a_match_is_trusted_if_everything_about_it_is_good() -> None:
+    config = SmoothingConfig(overlap=0.3, distance=0.05)
+    guesses = np.tile([1.0, 2.0, 3.0], (7, 1))
+    moved = np.zeros((7, 3))
+    moved[3, 1], moved[4, 0], moved[5, 2], moved[6] = 0.41, 0.35, 0.21, [0.3, 0.3, 0]
+    overlap = np.array([0.9, 0.29, 0.9, 0.9, 0.9, 0.9, 0.9])
+    distance = np.array([0.01, 0.01, 0.06, 0.01, 0.01, 0.01, 0.01])
+    found = Matches(geometry.compose(guesses, moved), np.zeros((7, 3, 3)), overlap, distance)
+    assert trusted(found, guesses, config).tolist() == [True, False, False, False, True, False, False]
+
+
+def test_matches_become_constraints_and_bad_ones_are_left_out() -> None:
+    """Scan 2 sees another building. The constraint's information is in the end pose's axes, times the temper."""
+    rng = np.random.default_rng(8)
+    truth = np.array([[0.0, 0, 0], [0.3, 0.1, math.pi / 2]])
+    scans = scans_from(BLOCK, truth, rng, noise=0.0)
+    scans.add(np.stack([3 * np.cos(ANGLES), 3 * np.sin(ANGLES)], axis=-1))
+    wrong = np.vstack([truth[0], truth[1] + np.array([0.04, -0.03, 0.02]), np.zeros(3)])
+    config = SmoothingConfig(temper=0.1, distance=0.02)
+    pairs = np.array([[0, 1], [0, 2], [1, 2]])
+    found = match(scans, wrong, pairs, np.array([0.3, 0.1]), config)
+    assert (found.start.tolist(), found.end.tolist(), found.robust.tolist()) == ([0], [1], [True])
+    np.testing.assert_allclose(found.measured[0], truth[1], atol=2e-3)
+    raw = scans.match(
+        np.array([0]), np.array([1]), truth[1:], np.full(3, 1e-6), np.array([0.1]), iterations=15
+    ).information[0]
+    quarter = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    np.testing.assert_allclose(found.information[0], 0.1 * quarter.T @ raw @ quarter, rtol=0.05, atol=0.02 * raw.max())
+
+
+def test_the_odometry_is_as_good_as_configured() -> None:
+    """0.5 m and 0.2 rad: 1 cm + 0.1 · 0.5 m, and 0.01 + 0.2 · 0.2 + 0.05 · 0.5 rad."""
+    config = SmoothingConfig(least=0.01, noise_distance=0.1, noise_angle=0.2, noise_drift=0.05)
+    odometry = np.array([[9.0, 9.0, 9.0], [0.3, 0.4, -0.2], [0.0, 0.0, 0.0]])
+    c = odometry_constraints(odometry, config)
+    assert (c.start.tolist(), c.end.tolist()) == ([0, 1], [1, 2])
+    np.testing.assert_array_equal(c.measured, odometry[1:])
+    np.testing.assert_allclose(c.information[0], np.diag([0.06**-2, 0.06**-2, 0.075**-2]))
+    np.testing.assert_allclose(c.information[1], np.diag([1e4, 1e4, 1e4]))
+    assert c.robust.all()
+
+
+@pytest.mark.parametrize("scale", [1.03, 0.97, 1.0])
+def test_the_wheels_scale_is_found_where_scans_can_tell(scale: float) -> None:
+    rng = np.random.default_rng(5)
+    truth = around()
+    odometry = drifting(steps_of(truth), rng, scale=scale, turn=0.0)
+    smoother = Smoother(scans_from(BLOCK, truth, rng), odometry, SmoothingConfig(), NO_LOOPS)
+    assert smoother.wheel_scale(truth) == pytest.approx(1.0 / scale, abs=0.008)
+
+
+def test_a_bare_corridor_says_nothing_of_the_wheels() -> None:
+    rng = np.random.default_rng(6)
+    truth = geometry.accumulate([(0.0, 0.0, 0.0)] + [(0.2, 0.0, 0.0)] * 60)
+    odometry = steps_of(truth) * np.array([1.1, 1.1, 1.0])
+    assert Smoother(scans_from(CORRIDOR, truth, rng), odometry, SmoothingConfig(), NO_LOOPS).wheel_scale(truth) == 1.0

@@ -1,0 +1,50 @@
+"""From ranges to end points, (22)."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pfslam_viz.recordings.recording import Lidar
+from pfslam_viz.settings import ScanConfig
+from pfslam_viz.slam.scan_reader import ScanReader
+
+QUARTER = math.pi / 2
+
+
+def lidar(yaw: float = 0.0) -> Lidar:
+    return Lidar(np.array([-QUARTER, 0.0, QUARTER]), 0.1, 30.0, np.array([0.3, 0.1, yaw]))
+
+
+def ranges(*values: float) -> NDArray[np.float32]:
+    return np.array(values, np.float32)
+
+
+def test_end_points_by_hand() -> None:
+    scan = ScanReader.of(lidar(), ScanConfig()).read(7, 1.5, ranges(1, 2, 4))
+    np.testing.assert_allclose(scan.points, [[0.3, -0.9], [2.3, 0.1], [0.3, 4.1]], atol=1e-12)
+    np.testing.assert_array_equal(scan.lidar_position, [0.3, 0.1])
+    assert (scan.index, scan.stamp) == (7, 1.5)
+
+
+def test_the_lidars_yaw_turns_the_beams_about_it() -> None:
+    scan = ScanReader.of(lidar(yaw=QUARTER), ScanConfig()).read(0, 0.0, ranges(1, 2, 4))
+    np.testing.assert_allclose(scan.points, [[1.3, 0.1], [0.3, 2.1], [-3.7, 0.1]], atol=1e-12)
+
+
+def test_ranges_outside_the_limits_are_no_return() -> None:
+    reader = ScanReader.of(lidar(), ScanConfig())
+    assert len(reader.read(0, 0.0, ranges(0.0, 0.05, 30.5)).points) == 0
+    assert len(reader.read(0, 0.0, ranges(0.11, 29.9, 0.0)).points) == 2
+    near = ScanReader.of(lidar(), ScanConfig(max_range=3.0))
+    np.testing.assert_allclose(near.read(0, 0.0, ranges(4, 2, 4)).points, [[2.3, 0.1]], atol=1e-12)
+    far = ScanReader.of(lidar(), ScanConfig(max_range=300.0))  # no further than the lidar sees
+    assert len(far.read(0, 0.0, ranges(40, 40, 40)).points) == 0
+
+
+def test_thinning_keeps_the_first_and_the_last_beam() -> None:
+    scanner = Lidar(np.linspace(-1, 1, 101), 0.1, 30.0, np.zeros(3))
+    points = ScanReader.of(scanner, ScanConfig(max_beams=5)).read(0, 0.0, np.full(101, 2.0, np.float32)).points
+    np.testing.assert_allclose(np.arctan2(points[:, 1], points[:, 0]), [-1, -0.5, 0, 0.5, 1], atol=1e-12)
+    single = ScanReader.of(scanner, ScanConfig(max_beams=1)).read(0, 0.0, np.full(101, 2.0, np.float32))
+    assert len(single.points) == 1

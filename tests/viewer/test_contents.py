@@ -1,0 +1,118 @@
+from pathlib import Path
+from typing import Any, cast
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pfslam_viz.settings import MapConfig
+from pfslam_viz.slam.occupancy_grid import OccupancyGrid
+from pfslam_viz.texture.floor_texture import FloorTexture
+from pfslam_viz.viewer import contents
+
+
+def test_occupancy_is_counted_as_ros_does() -> None:
+    log_odds = np.array([[0.0, np.log(4), -np.log(4), 0.0, 50.0, -50.0, 0.0]], np.float32)
+    values, rows, columns = contents.occupancy(log_odds)
+    assert (rows, columns) == (slice(0, 1), slice(1, 6)) and values.shape == (1, 5)
+    assert values[0, :2] == pytest.approx([80, 20], abs=1)  # 4 to 1, and 1 to 4
+    assert values[0, 2:].tolist() == [255, 100, 0]
+
+
+def test_a_marked_cell_lies_where_it_is_the_right_way_up() -> None:
+    grid = OccupancyGrid(MapConfig(cell=0.5))
+    for (x, y), value in {(2.25, 3.25): 9.0, (-1.25, 0.75): -9.0}.items():
+        row, column = grid.cells([[x, y]])[0]
+        grid.log_odds[row, column] = value
+    drawn = contents.grid_map(grid)
+    cells, corner = drawn.values, drawn.corner
+    assert cells.shape == (6, 8)  # x from -1.5 to 2.5, y from 0.5 to 3.5
+    assert corner[:2] == pytest.approx([-1.5, 0.5])
+    assert cells[0, 7] == 100  # top right
+    assert cells[5, 0] == 0  # bottom left
+    assert np.count_nonzero(cells == 255) == 46
+
+
+def test_an_empty_map_is_one_unknown_cell() -> None:
+    np.testing.assert_array_equal(contents.grid_map(OccupancyGrid(MapConfig())).values, [[255]])
+
+
+def test_walls_stand_on_the_occupied_cells() -> None:
+    grid = OccupancyGrid(MapConfig(cell=0.5))
+    for x in (1.25, 1.75, 2.25, 3.75):
+        row, column = grid.cells([[x, -0.75]])[0]
+        grid.occupied[row, column] = 1
+    boxes = contents.walls(grid)
+    centers, halves = boxes.centers, boxes.half_sizes
+    np.testing.assert_allclose(centers[:, :2], [[1.75, -0.75], [3.75, -0.75]], atol=1e-6)
+    np.testing.assert_allclose(halves[:, :2], [[0.75, 0.25], [0.25, 0.25]], atol=1e-6)
+    np.testing.assert_allclose(centers[:, 2], halves[:, 2])  # from the floor up
+
+
+class Texture:
+    """The part of a FloorTexture that is drawn."""
+
+    cell, shape, lower_left = 0.5, (4, 4), (-1.0, -1.0)
+
+    def __init__(self) -> None:
+        self.color = np.zeros((4, 4, 3), np.uint8)
+        self.weight = np.zeros((4, 4), np.float32)
+        self.color[1, 2], self.weight[1, 2] = (10, 20, 30), 1.0
+        self.color[2, 1], self.weight[2, 1] = (40, 50, 60), 2.0
+
+
+def test_texture_is_transparent_where_nothing_was_seen() -> None:
+    drawn = contents.texture_map(cast(FloorTexture, Texture()))
+    cells, corner = drawn.values, drawn.corner
+    np.testing.assert_array_equal(cells[0], [[0, 0, 0, 0], [10, 20, 30, 255]])
+    np.testing.assert_array_equal(cells[1], [[40, 50, 60, 255], [0, 0, 0, 0]])
+    assert corner[:2] == pytest.approx([-0.5, -0.5])
+
+
+def due_steps(budget: contents.FrameBudget, steps: Any, size: Any) -> list[int]:
+    out = []
+    for step in range(steps):
+        if budget.is_due(step):
+            out.append(step)
+            budget.spend(step, size(step))
+    return out
+
+
+def test_frames_are_spread_over_the_recording() -> None:
+    steps = due_steps(contents.FrameBudget(1000, 100, 10**9), 1000, lambda step: 1)
+    assert 95 <= len(steps) <= 100
+    assert max(np.diff(steps)) <= 12 and steps[0] == 0 and steps[-1] > 980
+
+
+def test_a_map_that_grows_is_shown_less_often_and_stays_within_bytes() -> None:
+    steps = due_steps(contents.FrameBudget(1000, 200, 10_000), 1000, lambda step: 50 + step)
+    assert sum(50 + step for step in steps) <= 10_000 + 1050
+    assert steps[-1] > 800 and len(steps) > 10
+
+
+def test_a_fixed_stride_is_kept() -> None:
+    assert due_steps(contents.FrameBudget(10, 2, 1, every=3), 10, lambda step: 100) == [0, 3, 6, 9]
+
+
+def pixels(jpeg: contents.Jpeg | None) -> NDArray[np.uint8]:
+    assert jpeg is not None
+    return np.asarray(cv2.imdecode(jpeg.contents, cv2.IMREAD_COLOR), np.uint8)
+
+
+def test_camera_images_become_small_jpegs(tmp_path: Path) -> None:
+    color, disparity = tmp_path / "c.png", tmp_path / "d.png"
+    cv2.imwrite(str(color), np.full((480, 640, 3), (30, 60, 200), np.uint8))
+    raw = np.full((480, 640), 2047, np.uint16)  # the Kinect's "no depth"
+    raw[:, :200], raw[:, 200:400] = 500, 900  # 0.58 m and 1.79 m: near and far
+    cv2.imwrite(str(disparity), raw)
+    image = pixels(contents.color_jpeg(color))
+    assert image.shape == (240, 320, 3)
+    np.testing.assert_allclose(image[120, 160], (30, 60, 200), atol=4)
+    image = pixels(contents.disparity_jpeg(disparity))
+    near, far, none = (int(image[120, column].sum()) for column in (50, 150, 280))
+    assert near > far > none
+    assert none < 15
+    (tmp_path / "broken.png").write_bytes(b"not an image")
+    assert contents.color_jpeg(tmp_path / "broken.png") is None
+    assert contents.disparity_jpeg(tmp_path / "absent.png") is None
