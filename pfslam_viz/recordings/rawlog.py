@@ -83,7 +83,7 @@ def load(path: Path, name: str | None = None) -> Recording:
     starts = np.array([scan.start for scan in scans])
     resolutions = np.array([scan.resolution for scan in scans])
     angles, ranges = on_one_grid(starts, resolutions, [scan.ranges for scan in scans], notes)
-    limits = [scan.max_range for scan in scans if scan.max_range > _RANGE_MIN]
+    limits = [scan.max_range for scan in scans if _RANGE_MIN < scan.max_range < 1e4]
     range_max = float(np.median(limits)) if limits else 80.0
     bare = path.name[: -len(".gz")] if path.name.lower().endswith(".gz") else path.name
     return Recording(
