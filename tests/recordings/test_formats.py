@@ -98,9 +98,7 @@ def test_messages_name_a_row(toy: Path) -> None:
 def test_options_reach_the_format_that_reads_them_and_are_refused_by_others(toy: Path) -> None:
     assert load_recording("drive", toy, scan_topic="/front").notes[0] == "read with /front"
     assert describe_path("drive", toy, scan_topic="/front")["notes"][0] == "read with /front"  # type: ignore[index]
-    with pytest.raises(
-        InputError, match=r"drive\.toy: a toy file .* is read without base_frame; it is for a ROS"
-    ):
+    with pytest.raises(InputError, match=r"drive\.toy: a toy file .* is read without base_frame; it is for a ROS"):
         load_recording("drive", toy, base_frame="base")
     (toy / "x.log").write_text("")
     with pytest.raises(InputError, match=r"read without scan_topic; it is for a ROS bag .* or a toy file \(\.toy\)$"):

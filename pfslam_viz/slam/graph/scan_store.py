@@ -31,6 +31,10 @@ class Matches:
     overlap: Array
     distance: Array
 
+    def pick(self, which: list[int]) -> "Matches":
+        """Those at the positions ``which``."""
+        return Matches(self.poses[which], self.information[which], self.overlap[which], self.distance[which])
+
 
 class ScanStore:
     """Key scans, one after the other: end points with the normals of the walls they lie on, in the robot's frame.
@@ -92,7 +96,7 @@ class ScanStore:
         if self._count + 2 > len(self._first):
             self._first = np.concatenate([self._first, np.zeros_like(self._first)])
         rows = self._rows[start:end]
-        describe(points, self.lidar_position, c.wall_reach, c.wall_neighbours, c.wall_flatness, rows)
+        describe(points, self.lidar_position, c.wall_reach, c.wall_spacings, c.wall_neighbours, c.wall_flatness, rows)
         self._count += 1
         self._first[self._count] = end
 
