@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pfslam_viz import geometry
 from pfslam_viz.slam.graph.loop_closing import find_loops
 from pfslam_viz.slam.graph.pose_graph import Constraints, optimize, turned, weights
-from pfslam_viz.slam.graph.scan_store import Matches, ScanStore
+from pfslam_viz.slam.graph.scan_store import ScanStore, trusted
 from pfslam_viz.slam.graph.settings import LoopClosingConfig, SmoothingConfig
 
 Array = NDArray[np.float64]
@@ -171,17 +171,6 @@ def match(scans: ScanStore, poses: Array, pairs: Indices, gates: Array, config: 
     good = trusted(found, guesses, config)
     information = config.temper * turned(found.information, found.poses[:, 2])
     return Constraints(start[good], end[good], found.poses[good], information[good], np.ones(good.sum(), np.bool_))
-
-
-def trusted(found: Matches, guesses: Array, config: SmoothingConfig) -> NDArray[np.bool_]:
-    """Which matches (k,) are good enough, and near enough to their guesses (k, 3), to be believed."""
-    moved = geometry.between(guesses, found.poses)
-    return (
-        (found.overlap > config.overlap)
-        & (found.distance < config.distance)
-        & (np.hypot(moved[:, 0], moved[:, 1]) < config.longest_shift)
-        & (np.abs(moved[:, 2]) < config.largest_turn)
-    )
 
 
 def odometry_constraints(odometry: Array, config: SmoothingConfig) -> Constraints:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.simulation.sensors import true_ranges
-from pfslam_viz.slam.graph.scan_store import Matches, ScanStore
+from pfslam_viz.slam.graph.scan_store import ScanStore
 from pfslam_viz.slam.graph.settings import LoopClosingConfig, ScanMatchingConfig, SmoothingConfig
 from pfslam_viz.slam.graph.smoothing import (
     Smoother,
@@ -16,7 +16,6 @@ from pfslam_viz.slam.graph.smoothing import (
     match,
     neighbouring,
     odometry_constraints,
-    trusted,
 )
 
 Array = NDArray[np.float64]
@@ -223,17 +222,6 @@ def test_neighbours_are_some_hops_on_and_the_earlier_visits() -> None:
 
 
 # What is believed
-
-
-def test_a_match_is_trusted_if_everything_about_it_is_good() -> None:
-    config = SmoothingConfig(overlap=0.3, distance=0.05)
-    guesses = np.tile([1.0, 2.0, 3.0], (7, 1))
-    moved = np.zeros((7, 3))
-    moved[3, 1], moved[4, 0], moved[5, 2], moved[6] = 0.41, 0.35, 0.21, [0.3, 0.3, 0]
-    overlap = np.array([0.9, 0.29, 0.9, 0.9, 0.9, 0.9, 0.9])
-    distance = np.array([0.01, 0.01, 0.06, 0.01, 0.01, 0.01, 0.01])
-    found = Matches(geometry.compose(guesses, moved), np.zeros((7, 3, 3)), overlap, distance)
-    assert trusted(found, guesses, config).tolist() == [True, False, False, False, True, False, False]
 
 
 def test_matches_become_constraints_and_bad_ones_are_left_out() -> None:
