@@ -155,7 +155,8 @@ def blurred(points: Array, centre: Array, half: float, cell: float, blur: float)
 def overlay(field: Field, centre: Array, points: Array, turns: Array, steps: int) -> Field:
     """Mean of the field under ``points`` (m, 2), turned about ``centre`` and moved by up to +-``steps`` cells.
 
-    All in cells. Returns (turns, 2 steps + 1, 2 steps + 1): rows are shifts along y, columns along x.
+    All in cells. Returns (turns, 2 steps + 1, 2 steps + 1): rows are shifts along y, columns along x. The plain twin is
+    in ``tests/slam/graph/test_loop_closing.py``.
     """
     n = field.shape[0]
     width = 2 * steps + 1

@@ -68,7 +68,7 @@ class Smoother:
         return Smoothed(poses, closed)
 
     def relax(self, poses: Array, gates: Array) -> tuple[Array, float]:
-        """Match all neighbours and relax the graph once: poses (k, 3), and how many constraints agree with them."""
+        """Match all neighbours and relax the graph once: poses (k, 3), and the sum of all constraints' weights."""
         matched = match(self.scans, poses, neighbouring(poses, self.config), gates, self.config)
         constraints = Constraints.join([self._motion, matched])
         poses = self._optimize(poses, constraints, self.config.iterations)
@@ -95,7 +95,7 @@ class Smoother:
         return scale if c.wheels_limits[0] < scale < c.wheels_limits[1] else 1.0
 
     def close(self, poses: Array, loop: Constraints) -> tuple[Array, float]:
-        """Pull the graph together at ``loop``, then let it relax without: poses (k, 3) and what agrees with them."""
+        """Pull the graph together at ``loop``, then let it relax without: as :meth:`relax`."""
         c = self.config
         first_gates, gates = np.array(c.first_gates), np.array(c.gates)
         matched = match(self.scans, poses, neighbouring(poses, c), gates, c)
@@ -132,7 +132,8 @@ def neighbouring(poses: Array, config: SmoothingConfig) -> Indices:
 def earlier_visits(poses: Array, radius: float, apart: int, most: int, turn_length: float) -> Indices:
     """Pairs (p, 2): for every key scan up to ``most`` earlier ones within ``radius`` m, the nearest of each visit.
 
-    A rad between their headings counts as ``turn_length`` m. The plain twin is in the tests.
+    A rad between their headings counts as ``turn_length`` m. The plain twin is in
+    ``tests/slam/graph/test_smoothing.py``.
     """
     n = len(poses)
     found = np.empty((n * most, 2), np.int64)
