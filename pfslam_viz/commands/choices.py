@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class RecordingChoice:
-    """RECORDING, ``--data``, ``--robot`` and the scans ``start:stop:stride``."""
+    """RECORDING, how it is read, and the scans ``start:stop:stride``."""
 
     name: str
     data: Path | None = None
@@ -26,12 +26,22 @@ class RecordingChoice:
     start: int = 0
     stop: int | None = None
     stride: int = 1
+    scan_topic: str | None = None
+    odom_topic: str | None = None
+    base_frame: str | None = None
 
     def load(self) -> "Recording":
         """The recording, cut to the chosen scans. Raises InputError when there is none, or no scan is left."""
         from pfslam_viz.recordings.catalog import load_recording
 
-        recording = load_recording(self.name, self.data, self.robot)
+        recording = load_recording(
+            self.name,
+            self.data,
+            self.robot,
+            scan_topic=self.scan_topic,
+            odom_topic=self.odom_topic,
+            base_frame=self.base_frame,
+        )
         if (self.start, self.stop, self.stride) == (0, None, 1):
             return recording
         selected = recording.select(self.start, self.stop, self.stride) if self.start < len(recording) else None

@@ -91,8 +91,11 @@ class Slam(Protocol):
         """(3,) the most likely particle after the last update."""
         ...
 
-    def predict(self, increment: Array, dt: float) -> None:
-        """Move the particles by the odometry ``increment`` (3,) of ``dt`` s, with noise: (13), (17) to (19)."""
+    def predict(self, increment: Array, dt: float, known: bool = True) -> None:
+        """Move the particles by the odometry ``increment`` (3,) of ``dt`` s, with noise: (13), (17) to (19).
+
+        ``known`` is False where the odometry says nothing: then the increment is no better than any other.
+        """
         ...
 
     def update(self, scan: Scan) -> None:

@@ -113,11 +113,13 @@ def test_interlaced_scans_share_one_grid(tmp_path: Path) -> None:
     assert any("interlaced at 1/2" in note for note in recording.notes)
 
 
-def test_scan_of_another_resolution_is_left_out(tmp_path: Path) -> None:
-    lines = [flaser([1.0] * 180, (k, 0, 0), k) for k in range(4)] + [flaser([2.0] * 361, (4, 0, 0), 4.0)]
-    recording = carmen.load(write(tmp_path / "x.log", *lines, flaser([1.0] * 180, (5, 0, 0), 5.0)))
-    assert recording.stamps.tolist() == [0, 1, 2, 3, 5]
-    np.testing.assert_allclose(recording.odometry[:, 0], [0, 1, 1, 1, 2])
+def test_scan_of_another_resolution_is_brought_to_the_grid_of_most(tmp_path: Path) -> None:
+    lines = [flaser([1.0] * 180, (k, 0, 0), k) for k in range(4)]
+    finer = flaser(np.linspace(2.0, 5.6, 361).round(2), (4, 0, 0), 4.0)  # 0.5 degrees apart: every other beam
+    recording = carmen.load(write(tmp_path / "x.log", *lines, finer, flaser([1.0] * 180, (5, 0, 0), 5.0)))
+    assert recording.stamps.tolist() == [0, 1, 2, 3, 4, 5]
+    np.testing.assert_allclose(recording.ranges[4], np.linspace(2.0, 5.58, 180), atol=1e-6)
+    np.testing.assert_allclose(recording.odometry[:, 0], [0, 1, 1, 1, 1, 1])
     assert any("1 scans with other beam angles" in note for note in recording.notes)
 
 

@@ -31,13 +31,22 @@ class Smoothed:
 class Smoother:
     """The pose graph over one recording's key scans.
 
-    ``odometry`` (k, 3) leads from every key scan to the next; row 0 is not used.
+    ``odometry`` (k, 3) leads from every key scan to the next; row 0 is not used. ``unknown`` (k, 3) m, m, rad is by how
+    much it may be wrong besides its noise, where the odometry knew nothing.
     """
 
-    def __init__(self, scans: ScanStore, odometry: Array, config: SmoothingConfig, loops: LoopClosingConfig) -> None:
+    def __init__(
+        self,
+        scans: ScanStore,
+        odometry: Array,
+        config: SmoothingConfig,
+        loops: LoopClosingConfig,
+        unknown: Array | None = None,
+    ) -> None:
         self.scans, self.config, self.loops = scans, config, loops
         self._odometry = odometry
-        self._motion = odometry_constraints(odometry, config)
+        self._unknown = np.zeros_like(odometry) if unknown is None else unknown
+        self._motion = odometry_constraints(odometry, config, self._unknown)
 
     def smooth(self, poses: Array) -> Smoothed:
         """The key poses that agree best with all matches between neighbouring key scans and with the odometry.
@@ -50,7 +59,8 @@ class Smoother:
             return Smoothed(poses, closed)
         gates = np.array(self.config.gates)
         poses, _ = self.relax(poses, np.array(self.config.first_gates))
-        self._motion = odometry_constraints(self._odometry * [*2 * [self.wheel_scale(poses)], 1.0], self.config)
+        scaled = self._odometry * [*2 * [self.wheel_scale(poses)], 1.0]
+        self._motion = odometry_constraints(scaled, self.config, self._unknown)
         poses, support = self.relax(poses, gates)
         if self.loops.enabled:
             for _ in range(self.loops.searches):
@@ -174,13 +184,18 @@ def match(scans: ScanStore, poses: Array, pairs: Indices, gates: Array, config: 
     return Constraints(start[good], end[good], found.poses[good], information[good], np.ones(good.sum(), np.bool_))
 
 
-def odometry_constraints(odometry: Array, config: SmoothingConfig) -> Constraints:
-    """The odometry (k, 3) from every key scan to the next: what holds where the scans leave a direction open."""
+def odometry_constraints(odometry: Array, config: SmoothingConfig, unknown: Array | None = None) -> Constraints:
+    """The odometry (k, 3) from every key scan to the next: what holds where the scans leave a direction open.
+
+    ``unknown`` (k, 3) m, m, rad is added to its noise.
+    """
     steps = odometry[1:]
     driven, turned_by = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2])
     deviation = np.empty_like(steps)
     deviation[:, 0] = deviation[:, 1] = config.least + config.noise_distance * driven
     deviation[:, 2] = config.least + config.noise_angle * turned_by + config.noise_drift * driven
+    if unknown is not None:
+        deviation += unknown[1:]
     information = np.zeros((len(steps), 3, 3))
     information[:, [0, 1, 2], [0, 1, 2]] = deviation**-2
     at = np.arange(len(steps))

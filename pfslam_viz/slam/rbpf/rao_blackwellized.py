@@ -1,5 +1,6 @@
 """The filter with a map per particle: Rao-Blackwellized SLAM (Doucet et al. 2000; Grisetti et al. 2007)."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +25,7 @@ from pfslam_viz.slam.worker import Worker
 
 Array = NDArray[np.float64]
 
+TURN_STEP = 0.15  # rad between the turns that are tried where the odometry says nothing: a match finds the rest
 PIECES = 5  # in which particles are shared with the other thread: the fewer there are, the longer one waits for it
 
 
@@ -68,6 +70,9 @@ class RaoBlackwellizedFilter(Belief):
         self._keyed = False  # whether the last scan is a key scan
         self._leader = 0  # the most likely particle, or its first descendant
         self._driven = self._turned = 0.0  # m and rad since the last key scan
+        self._unknown = 0.0  # s since the last key scan of which the odometry says nothing
+        self._velocity = np.zeros(3)  # m/s, m/s, rad/s as the scans had it last, in the robot's frame
+        self._dt = 0.0
         self._grid = BestMap(config.map, self._maps)
 
     @property
@@ -75,8 +80,16 @@ class RaoBlackwellizedFilter(Belief):
         """The most likely particle's map."""
         return self._grid
 
-    def predict(self, increment: Array, dt: float) -> None:
-        """Carry every particle along with the odometry; its noise is drawn when a scan is used."""
+    def predict(self, increment: Array, dt: float, known: bool = True) -> None:
+        """Carry every particle along with the odometry; its noise is drawn when a scan is used.
+
+        Where the odometry is not ``known``, the particles stay, and the scans say how the robot has moved.
+        """
+        self._dt = dt
+        if not known:
+            self._unknown += max(dt, 0.0)
+            self._still = False
+            return
         self._particles = kernels.move(self._particles, increment, np.zeros_like(self._particles))
         self._odometry = kernels.compose(self._odometry, increment)
         self._moved = kernels.compose(self._moved, increment)
@@ -96,6 +109,8 @@ class RaoBlackwellizedFilter(Belief):
         elif self._keyed or not self._still:
             self._remember(scan)
             motion = self._match_last()
+            if self._unknown:
+                self._follow(motion)
             self._moved = motion.increment
             self._informative = motion.overlap > 0.0
             if self._keyed:
@@ -107,10 +122,20 @@ class RaoBlackwellizedFilter(Belief):
         self._weigh(weights / weights.sum())
         self._parents, self._ancestors = self._ancestors, np.arange(len(weights))
         if self._keyed:
-            self._history.add_key(self._particles, self._odometry, self._moved)
+            odometry = self._moved if self._unknown else self._odometry
+            self._history.add_key(self._particles, odometry, self._moved, self._unknown)
             self._odometry, self._moved = np.zeros(3), np.zeros(3)
-            self._driven = self._turned = 0.0
+            self._driven = self._turned = self._unknown = 0.0
         self._history.add_scan(self._moved)
+
+    def _follow(self, motion: Motion) -> None:
+        """Take from the scans what the odometry does not say: how far the robot has come, and how fast it goes."""
+        step = geometry.between(self._moved, motion.increment)
+        if motion.overlap >= self._settings.scan_overlap and self._dt > 0.0:
+            self._velocity = step / self._dt
+        self._driven = max(self._driven, float(np.hypot(motion.increment[0], motion.increment[1])))
+        self._turned = max(self._turned, abs(float(motion.increment[2])))
+        self._keyed = self._driven >= self._settings.update_distance or self._turned >= self._settings.update_angle
 
     def _remember(self, scan: Scan) -> None:
         if len(self._scans) == 0:
@@ -127,21 +152,39 @@ class RaoBlackwellizedFilter(Belief):
                 s.least_angle + s.noise_angle * self._turned + s.noise_drift * self._driven,
             ]
         )
+        deviation += self._unknown * np.array([s.unknown_speed, s.unknown_speed, s.unknown_turn])
         prior = deviation**-2
         last = len(self._scans) - 1
+        guesses = self._guesses()
         found = self._scans.match(
-            np.array([last - 1]),
-            np.array([last]),
-            self._moved[None],
+            np.full(len(guesses), last - 1),
+            np.full(len(guesses), last),
+            guesses,
             prior / s.scan_prior**2,
             np.array(s.scan_gates),
             stride=1 + self._scans.size_of(last) // s.scan_points,
             iterations=s.scan_iterations,
         )
-        overlap = float(found.overlap[0])
+        noise = self.config.scan_matching.noise
+        best = int(np.argmax(found.overlap * noise / (noise + found.distance))) if len(guesses) > 1 else 0
+        overlap = float(found.overlap[best])
         if overlap < s.scan_overlap:
             return Motion(self._moved, np.diag(prior), np.zeros((3, 3)), overlap)
-        return Motion(found.poses[0], np.diag(prior), s.scan_temper * found.information[0], overlap)
+        return Motion(found.poses[best], np.diag(prior), s.scan_temper * found.information[best], overlap)
+
+    def _guesses(self) -> Array:
+        """Where a match with the last key scan starts (g, 3): at the odometry's pose, or if that is not known all round.
+
+        Then from the pose of the scan before, at rest, going on as it did, and turned to either side.
+        """
+        if not self._unknown:
+            return self._moved[None]
+        most = self._settings.unknown_turn * self._dt
+        turns = np.linspace(-most, most, 2 * math.ceil(most / TURN_STEP) + 1)
+        steps = np.zeros((len(turns) + 1, 3))
+        steps[:-1, 2] = turns
+        steps[-1] = self._velocity * self._dt
+        return geometry.compose(self._moved, steps)
 
     def _propose(self, scan: Scan, motion: Motion) -> None:
         """Move every particle to the mean of its improved proposal, and weigh it by the evidence for it."""
@@ -217,7 +260,11 @@ class RaoBlackwellizedFilter(Belief):
         """Settle the most likely particle's trajectory in hindsight, and write its map anew."""
         if not self.config.smoothing.enabled or len(self._scans) == 0:
             return
-        smoother = Smoother(self._scans, self._history.odometry(), self.config.smoothing, self.config.loop_closing)
+        s = self._settings
+        unknown = self._history.unknown() * [s.unknown_speed, s.unknown_speed, s.unknown_turn]
+        smoother = Smoother(
+            self._scans, self._history.odometry(), self.config.smoothing, self.config.loop_closing, unknown
+        )
         smoothed = smoother.smooth(self._key_poses())
         self._smoothed = smoothed.poses
         self._closures = tuple(self._closure(int(earlier), int(later)) for earlier, later in smoothed.closed)

@@ -47,6 +47,8 @@ class RaoBlackwellizedConfig(Section):
     noise_angle: float = setting(0.1, "odometry: rad of error per rad turned", gt=0)
     noise_drift: float = setting(0.03, "odometry: rad of error per m driven", "rad/m", gt=0)
     noise_open: float = setting(0.03, "odometry: m of error per m driven where the scans leave a direction open", gt=0)
+    unknown_speed: float = setting(0.5, "odometry unknown: m of error per s", "m/s", gt=0)
+    unknown_turn: float = setting(1.5, "odometry unknown: rad of error per s, and how far is searched", "rad/s", gt=0)
     least_distance: float = setting(0.005, "odometry: error at least", "m", gt=0)
     least_angle: float = setting(0.002, "odometry: error at least", "rad", gt=0)
 
