@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pfslam_viz import geometry
 from pfslam_viz.slam.graph.scan_matching import MatchingRules, match_pairs
-from pfslam_viz.slam.graph.settings import ScanMatchingConfig
+from pfslam_viz.slam.graph.settings import LoopClosingConfig, ScanMatchingConfig, SmoothingConfig
 from pfslam_viz.slam.graph.walls import describe
 from pfslam_viz.slam.worker import Worker
 
@@ -34,6 +35,17 @@ class Matches:
     def pick(self, which: list[int]) -> "Matches":
         """Those at the positions ``which``."""
         return Matches(self.poses[which], self.information[which], self.overlap[which], self.distance[which])
+
+
+def trusted(found: Matches, guesses: Array, limits: SmoothingConfig | LoopClosingConfig) -> NDArray[np.bool_]:
+    """Which matches (k,) are good enough, and near enough to their guesses (k, 3), to be believed."""
+    moved = geometry.between(guesses, found.poses)
+    return (
+        (found.overlap > limits.overlap)
+        & (found.distance < limits.distance)
+        & (np.hypot(moved[:, 0], moved[:, 1]) < limits.longest_shift)
+        & (np.abs(moved[:, 2]) < limits.largest_turn)
+    )
 
 
 class ScanStore:

@@ -13,7 +13,7 @@ from pfslam_viz.slam.graph.filter_constraints import filter_constraints
 from pfslam_viz.slam.graph.loop_closing import find_loops
 from pfslam_viz.slam.graph.odometry_errors import OdometryErrors
 from pfslam_viz.slam.graph.pose_graph import Constraints, optimize, turned, weights
-from pfslam_viz.slam.graph.scan_store import Matches, ScanStore
+from pfslam_viz.slam.graph.scan_store import ScanStore, trusted
 from pfslam_viz.slam.graph.settings import GraphConfig, SmoothingConfig
 from pfslam_viz.slam.graph.visits import earlier_visits
 
@@ -75,7 +75,7 @@ class Smoother:
         return Smoothed(poses, closed)
 
     def relax(self, poses: Array, gates: Array) -> tuple[Array, float]:
-        """Match all neighbours and relax the graph once: poses (k, 3), and how many constraints agree with them."""
+        """Match all neighbours and relax the graph once: poses (k, 3), and the sum of all constraints' weights."""
         matched = match(self.scans, poses, neighbouring(poses, self.config), gates, self.config)
         constraints = Constraints.join([*self._driven(), matched])
         poses = self._optimize(poses, constraints, self.config.iterations)
@@ -99,7 +99,7 @@ class Smoother:
         return OdometryErrors.of(config, self._odometry[found.end], found.measured, found.information, deviation)
 
     def close(self, poses: Array, loop: Constraints) -> tuple[Array, float]:
-        """Pull the graph together at ``loop``, then let it relax without: poses (k, 3) and what agrees with them."""
+        """Pull the graph together at ``loop``, then let it relax without: as :meth:`relax`."""
         c = self.config
         first_gates, gates = np.array(c.first_gates), np.array(c.gates)
         matched = match(self.scans, poses, neighbouring(poses, c), gates, c)
@@ -142,17 +142,6 @@ def match(scans: ScanStore, poses: Array, pairs: Indices, gates: Array, config: 
     good = trusted(found, guesses, config)
     information = config.temper * turned(found.information, found.poses[:, 2])
     return Constraints(start[good], end[good], found.poses[good], information[good], np.ones(good.sum(), np.bool_))
-
-
-def trusted(found: Matches, guesses: Array, config: SmoothingConfig) -> NDArray[np.bool_]:
-    """Which matches (k,) are good enough, and near enough to their guesses (k, 3), to be believed."""
-    moved = geometry.between(guesses, found.poses)
-    return (
-        (found.overlap > config.overlap)
-        & (found.distance < config.distance)
-        & (np.hypot(moved[:, 0], moved[:, 1]) < config.longest_shift)
-        & (np.abs(moved[:, 2]) < config.largest_turn)
-    )
 
 
 def odometry_deviation(steps: Array, config: SmoothingConfig) -> Array:

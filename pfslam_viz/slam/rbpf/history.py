@@ -16,12 +16,12 @@ class History:
         self.keys: list[int] = []  # position of every key scan among the scans so far
         self._poses: list[Array] = []
         self._parents: list[Indices] = []
-        self._carried: Indices = np.arange(count)
-        self._key_of: list[int] = []
-        self._offsets: list[Array] = []
-        self._odometry: list[Array] = []
-        self._moved: list[Array] = []
-        self._unknown: list[float] = []
+        self._carried: Indices = np.arange(count)  # who each particle was at the last key scan
+        self._key_of: list[int] = []  # number of the last key scan, for every scan
+        self._offsets: list[Array] = []  # from that key scan, for every scan
+        self._odometry: list[Array] = []  # from key scan to key scan
+        self._moved: list[Array] = []  # the same, corrected by matching the scans
+        self._unknown: list[float] = []  # s without odometry from key scan to key scan
 
     def __len__(self) -> int:
         """How many key scans there are."""

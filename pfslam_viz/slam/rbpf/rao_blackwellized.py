@@ -66,14 +66,14 @@ class RaoBlackwellizedFilter(Belief):
         self._closures: tuple[LoopClosure, ...] = ()
         self._odometry = np.zeros(3)  # since the last key scan
         self._moved = np.zeros(3)  # the same, corrected by matching the scans
-        self._still = True
+        self._still = True  # since the scan before
         self._errors = OdometryErrors(config.odometry)
         self._unknown = 0.0  # s since the last key scan of which the odometry says nothing
         self._velocity = np.zeros(3)  # m/s, m/s, rad/s as the scans saw it, in the robot's frame
         self._before, self._dt = self._moved, 0.0  # as it was at the scan before, and s since then
-        self._keyed = False
+        self._keyed = False  # whether the last scan is a key scan
         self._leader = 0  # the most likely particle, or its first descendant
-        self._driven = self._turned = 0.0
+        self._driven = self._turned = 0.0  # m and rad since the last key scan
         self._grid = BestMap(config.map, self._maps)
 
     @property
@@ -257,7 +257,7 @@ class RaoBlackwellizedFilter(Belief):
         self._match = Match(geometry.between(by_odometry, means[best]), motion.overlap, axis)
 
     def update_map(self, scan: Scan) -> None:
-        """Every particle writes a used scan into its own map."""
+        """Every particle writes a key scan into its own map."""
         if self._keyed:
             self._maps.write(self._particles, self._scans.points_of(len(self._scans) - 1), scan.lidar_position)
             self._grid.follow(self._leader)

@@ -81,7 +81,7 @@ def test_the_mean_heading_is_circular() -> None:
     assert estimate.covariance[2, 2] == pytest.approx(math.radians(10) ** 2)
 
 
-def test_the_best_particle_draws_the_map() -> None:
+def test_the_best_particle_writes_the_map() -> None:
     """(28): by the most likely particle, not by the mean."""
     slam = filter_with_a_map()
     place(slam, [(0.25, 0.25, 0), (9.25, 9.25, math.pi / 2), (9.25, 9.25, 0), (5, 5, 0)], [0.1, 0.6, 0.2, 0.1])
