@@ -86,7 +86,10 @@ def run(case: Case) -> dict[str, Any]:
     file_bytes = None
     if case.filter == "literal":
         from benchmarks.literal_filter import LiteralFilter
+        from pfslam_viz.slam.paper.settings import PaperConfig
 
+        if not isinstance(config, PaperConfig):
+            raise SystemExit(f"the literal filter is the paper's: it cannot run configuration {case.config!r}")
         literal = LiteralFilter(recording, config)
         started = perf_counter()
         literal.run()

@@ -9,10 +9,11 @@ from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
-from pfslam_viz.slam.scan_reader import ScanReader
 
 from pfslam_viz.config import Config
 from pfslam_viz.recordings.recording import Recording
+from pfslam_viz.slam.paper.settings import PaperConfig
+from pfslam_viz.slam.scan_reader import ScanReader
 
 Array = NDArray[np.float64]
 
@@ -73,7 +74,7 @@ def world(pose: Array, points: Array) -> tuple[Array, Array]:
 class LiteralFilter:
     """Algorithm 1 over a recording, with dead reckoning and its map beside it."""
 
-    def __init__(self, recording: Recording, config: Config) -> None:
+    def __init__(self, recording: Recording, config: PaperConfig) -> None:
         self.recording, self.config = recording, config
         self.rng = np.random.default_rng(config.seed)
         self.particles = np.zeros((config.particles, 3))

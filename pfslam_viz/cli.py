@@ -54,6 +54,18 @@ RobotOpt = Annotated[
     str,
     typer.Option("--robot", metavar="NAME|PATH", help="Robot file of an ECE276A set.", rich_help_panel=SCANS),
 ]
+ScanTopicOpt = Annotated[
+    str | None,
+    typer.Option("--scan-topic", metavar="TOPIC", help="Of a ROS bag: which LaserScans.", rich_help_panel=SCANS),
+]
+OdomTopicOpt = Annotated[
+    str | None,
+    typer.Option("--odom-topic", metavar="TOPIC", help="Of a ROS bag: which odometry, or none.", rich_help_panel=SCANS),
+]
+BaseFrameOpt = Annotated[
+    str | None,
+    typer.Option("--base-frame", metavar="FRAME", help="Of a ROS bag: the robot's frame.", rich_help_panel=SCANS),
+]
 StartOpt = Annotated[int, typer.Option("--start", min=0, help="First scan.", rich_help_panel=SCANS)]
 StopOpt = Annotated[int | None, typer.Option("--stop", min=1, help="Scan to stop before.", rich_help_panel=SCANS)]
 StrideOpt = Annotated[int, typer.Option("--stride", min=1, help="Use every K-th scan.", rich_help_panel=SCANS)]
@@ -176,6 +188,9 @@ def replay(
     start: StartOpt = 0,
     stop: StopOpt = None,
     stride: StrideOpt = 1,
+    scan_topic: ScanTopicOpt = None,
+    odom_topic: OdomTopicOpt = None,
+    base_frame: BaseFrameOpt = None,
     force: ForceOpt = False,
     map_every: MapEveryOpt = None,
     max_particles: MaxParticlesOpt = None,
@@ -190,7 +205,7 @@ def replay(
     from pfslam_viz.commands.choices import ConfigChoice, DetailChoice, RecordingChoice, SinkChoice
 
     command.run(
-        RecordingChoice(recording, data, robot, start, stop, stride, force),
+        RecordingChoice(recording, data, robot, start, stop, stride, scan_topic, odom_topic, base_frame, force),
         ConfigChoice(config, tuple(settings or ()), particles, seed),
         SinkChoice(save, spawn, serve, bind, connect, stdout),
         DetailChoice(map_every, max_particles, max_beams),
@@ -291,6 +306,9 @@ def evaluate(
     start: StartOpt = 0,
     stop: StopOpt = None,
     stride: StrideOpt = 1,
+    scan_topic: ScanTopicOpt = None,
+    odom_topic: OdomTopicOpt = None,
+    base_frame: BaseFrameOpt = None,
     force: ForceOpt = False,
     json: JsonOpt = False,
     quiet: QuietOpt = False,
@@ -300,7 +318,7 @@ def evaluate(
     from pfslam_viz.commands.choices import ConfigChoice, RecordingChoice
 
     command.run(
-        RecordingChoice(recording, data, robot, start, stop, stride, force),
+        RecordingChoice(recording, data, robot, start, stop, stride, scan_topic, odom_topic, base_frame, force),
         [ConfigChoice.parse(text, tuple(settings or ()), particles) for text in config or (None,)],
         seeds,
         paper,
@@ -333,6 +351,9 @@ def compare(
     start: StartOpt = 0,
     stop: StopOpt = None,
     stride: StrideOpt = 1,
+    scan_topic: ScanTopicOpt = None,
+    odom_topic: OdomTopicOpt = None,
+    base_frame: BaseFrameOpt = None,
     force: ForceOpt = False,
     map_every: MapEveryOpt = None,
     max_particles: MaxParticlesOpt = None,
@@ -344,7 +365,7 @@ def compare(
     from pfslam_viz.commands.choices import ConfigChoice, DetailChoice, RecordingChoice, SinkChoice
 
     command.run(
-        RecordingChoice(recording, data, robot, start, stop, stride, force),
+        RecordingChoice(recording, data, robot, start, stop, stride, scan_topic, odom_topic, base_frame, force),
         [ConfigChoice.parse(text, tuple(settings or ()), particles, seed) for text in config or ()],
         SinkChoice(save, spawn, serve, bind, connect, stdout),
         DetailChoice(map_every, max_particles, max_beams),
@@ -368,6 +389,9 @@ def figures(
     start: StartOpt = 0,
     stop: StopOpt = None,
     stride: StrideOpt = 1,
+    scan_topic: ScanTopicOpt = None,
+    odom_topic: OdomTopicOpt = None,
+    base_frame: BaseFrameOpt = None,
     force: ForceOpt = False,
     quiet: QuietOpt = False,
 ) -> None:
@@ -376,7 +400,7 @@ def figures(
     from pfslam_viz.commands.choices import ConfigChoice, RecordingChoice
 
     command.run(
-        RecordingChoice(recording, data, robot, start, stop, stride, force),
+        RecordingChoice(recording, data, robot, start, stop, stride, scan_topic, odom_topic, base_frame, force),
         ConfigChoice(config, tuple(settings or ()), particles, seed),
         out,
         every,

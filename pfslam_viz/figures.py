@@ -93,7 +93,7 @@ def write_figures(
     if every < 1:
         raise InputError(f"--every {every}: must be at least 1")
     if len(recording) == 0:
-        raise InputError(f"{recording.path}: no scans to draw")
+        raise InputError(f"{recording.name}: no scans to draw")
     replay = Replay(recording, config)
     collector = _Collector(every)
     for step in replay:

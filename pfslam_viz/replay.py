@@ -154,7 +154,8 @@ class Replay:
             scan = reader.read(k, float(recording.stamps[k]), recording.ranges[k])
             reckoned = self._dead_reckoning[k]
             if k > 0:  # the first scan is at the origin
-                slam.predict(recording.odometry[k], float(times[k] - times[k - 1]))
+                known = recording.odometry_known is None or bool(recording.odometry_known[k])
+                slam.predict(recording.odometry[k], float(times[k] - times[k - 1]), known)
             clock.lap("predict")
             slam.update(scan)
             end_points, hits = slam.grid.project(slam.best, scan.points)

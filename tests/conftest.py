@@ -1,8 +1,15 @@
 """Fixtures that every test module may use."""
 
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
+
+from pfslam_viz import geometry
+from pfslam_viz.simulation.floor import floor_color
+from pfslam_viz.simulation.world import World
 
 SHARED_DATA = Path(__file__).resolve().parents[1].parent / "shared" / "data"
 
@@ -13,3 +20,14 @@ def shared_data() -> Path:
     if not SHARED_DATA.is_dir():
         pytest.skip(f"needs the recordings in {SHARED_DATA}")
     return SHARED_DATA
+
+
+@pytest.fixture(scope="session")
+def floor_colors() -> Callable[[World, NDArray[np.float64]], NDArray[np.float64]]:
+    """True colours (n, 3), RGB in 0..255, of a simulated floor at points (n, 2) of the world."""
+
+    def at(world: World, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        on_plan = geometry.transform(geometry.inverse(world.plan), points)
+        return np.floor([floor_color(x, y, world.zones, world.floors) for x, y in on_plan])
+
+    return at

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from pfslam_viz import figures_layers
-from pfslam_viz.config import Config
 from pfslam_viz.errors import InputError
 from pfslam_viz.figures import require_matplotlib, write_figures
 from pfslam_viz.figures_drawing import LEFT, TOP, Picture, draw_texture
@@ -18,6 +17,7 @@ from pfslam_viz.figures_page import Figure, write_page
 from pfslam_viz.recordings.recording import Lidar, Recording
 from pfslam_viz.settings import MapConfig
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
+from pfslam_viz.slam.paper.settings import PaperConfig
 from pfslam_viz.viewer import entities
 
 
@@ -56,7 +56,9 @@ def recording() -> Recording:
 
 def test_writes_the_papers_figures_in_its_order(recording: Recording, tmp_path: Path) -> None:
     seen = []
-    files = write_figures(recording, Config(particles=20), tmp_path / "out", 15, lambda step: seen.append(step.index))
+    files = write_figures(
+        recording, PaperConfig(particles=20), tmp_path / "out", 15, lambda step: seen.append(step.index)
+    )
     names = ["01_dead_reckoning.png", "02_particle_filter.png", "04_map_00015.png", "04_map_00030.png", "index.html"]
     assert [file.name for file in files] == names
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == names
@@ -70,7 +72,7 @@ def test_writes_the_papers_figures_in_its_order(recording: Recording, tmp_path: 
 
 def test_walls_are_at_their_place_in_the_picture(recording: Recording, tmp_path: Path) -> None:
     """The right wall at x = 4 and the upper one at y = 2, in the PNG of dead reckoning, which is true here."""
-    files = write_figures(recording, Config(particles=1), tmp_path, 1000)
+    files = write_figures(recording, PaperConfig(particles=1), tmp_path, 1000)
     image = read(files[0]).astype(int)
     grid = OccupancyGrid(MapConfig())
     for ranges, x in zip(recording.ranges, np.linspace(0, 2, 40), strict=True):
@@ -110,9 +112,9 @@ def test_texture_layer() -> None:
 
 def test_wrong_use_is_one_line(recording: Recording, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--every 0"):
-        write_figures(recording, Config(), tmp_path, 0)
+        write_figures(recording, PaperConfig(), tmp_path, 0)
     with pytest.raises(InputError, match="no scans"):
-        write_figures(recording.select(0, 0), Config(), tmp_path)
+        write_figures(recording.select(0, 0), PaperConfig(), tmp_path)
 
 
 def test_colors_are_the_viewers() -> None:
@@ -127,23 +129,23 @@ def test_without_matplotlib_it_is_said_what_to_install(
     with pytest.raises(InputError, match=r"pip install 'pfslam-viz\[figures\]'"):
         require_matplotlib()
     with pytest.raises(InputError, match=r"pfslam-viz\[figures\]"):
-        write_figures(recording, Config(), tmp_path / "out")
+        write_figures(recording, PaperConfig(), tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
 def test_the_users_own_matplotlib_settings_do_not_matter(recording: Recording, tmp_path: Path) -> None:
     import matplotlib
 
-    plain = write_figures(recording, Config(particles=2), tmp_path / "a", 1000)
+    plain = write_figures(recording, PaperConfig(particles=2), tmp_path / "a", 1000)
     with matplotlib.rc_context({"font.size": 30, "lines.linewidth": 9, "image.origin": "lower", "axes.grid": False}):
-        other = write_figures(recording, Config(particles=2), tmp_path / "b", 1000)
+        other = write_figures(recording, PaperConfig(particles=2), tmp_path / "b", 1000)
     assert [path.read_bytes() for path in plain[:-1]] == [path.read_bytes() for path in other[:-1]]
 
 
 def test_page_shows_every_section_once(recording: Recording, tmp_path: Path) -> None:
     from pfslam_viz.replay import Replay
 
-    replay = Replay(recording.select(0, 3), Config(particles=2))
+    replay = Replay(recording.select(0, 3), PaperConfig(particles=2))
     for _ in replay:
         pass
     figures = [

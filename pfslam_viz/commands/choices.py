@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class RecordingChoice:
-    """RECORDING, ``--data``, ``--robot``, the scans ``start:stop:stride``, and ``--force``."""
+    """RECORDING, how it is read, the scans ``start:stop:stride``, and ``--force``."""
 
     name: str
     data: Path | None = None
@@ -26,6 +26,9 @@ class RecordingChoice:
     start: int = 0
     stop: int | None = None
     stride: int = 1
+    scan_topic: str | None = None
+    odom_topic: str | None = None
+    base_frame: str | None = None
     force: bool = False
 
     def require(self) -> None:
@@ -42,7 +45,15 @@ class RecordingChoice:
         """
         from pfslam_viz.recordings.catalog import load_recording
 
-        recording = load_recording(self.name, self.data, self.robot, force=self.force)
+        recording = load_recording(
+            self.name,
+            self.data,
+            self.robot,
+            scan_topic=self.scan_topic,
+            odom_topic=self.odom_topic,
+            base_frame=self.base_frame,
+            force=self.force,
+        )
         if (self.start, self.stop, self.stride) == (0, None, 1):
             return recording
         selected = recording.select(self.start, self.stop, self.stride) if self.start < len(recording) else None

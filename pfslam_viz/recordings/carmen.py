@@ -9,7 +9,6 @@ import gzip
 import math
 import re
 import zlib
-from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,17 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.errors import InputError
-from pfslam_viz.recordings.carmen_lines import Messages, Scans, read_messages
+from pfslam_viz.recordings.beam_grid import has_usable_beams, on_one_grid
+from pfslam_viz.recordings.carmen_angles import (
+    counter_clockwise,
+    of_laser,
+    with_declared_angles,
+    with_degrees_mended,
+)
+from pfslam_viz.recordings.carmen_layouts import Scans
+from pfslam_viz.recordings.carmen_lines import REAR, Messages, plain_text, read_messages
+from pfslam_viz.recordings.carmen_mount import mount
+from pfslam_viz.recordings.carmen_stamps import unwrapped, wrap_period
 from pfslam_viz.recordings.recording import Lidar, Recording, Relations, Stream
 from pfslam_viz.recordings.stamps import order, spread_repeats
 
@@ -26,15 +35,18 @@ Array = NDArray[np.float64]
 SUFFIXES = (".log", ".clf", ".gfs")
 COMPRESSED = (".gz", ".bz2")
 _BZIP2, _GZIP = b"BZh", b"\x1f\x8b"
-_MESSAGE = re.compile(rb"^(FLASER|ROBOTLASER1|LASER_READING|ODOM|PARAM|# message_name) ", re.MULTILINE)
+_MESSAGE = re.compile(
+    rb"^\s*(FLASER|RLASER|REARLASER|ROBOTLASER[12]|RAWLASER[12]|LASER_READING|ODOM|PARAM|# message_name)[ \t]",
+    re.MULTILINE,
+)
 
 # SICK LMS scanners, which nearly all of these logs come from, say "no return" by error codes of 81.83 to 81.91 m.
 _LMS_ERROR_CODES = (81.8, 82.0)
 _LMS_RANGE = 80.0
+# What PARAM lines call the range in m from which on a reading is none, behind the laser's name.
+_MAX_RANGE = ("max", "max_range", "maximum_range", "range_max")
 # A reading nearer than this (m) is the scanner's own error code, or its window.
 _RANGE_MIN = 0.05
-# How far, in beams, a scan's first angle may lie off the grid of beam angles: logs round angles to 1e-6 rad.
-_OFF_GRID = 0.02
 
 
 def is_log(path: Path) -> bool:
@@ -58,7 +70,7 @@ def looks_like_log(path: Path) -> bool:
             head = zlib.decompressobj(wbits=31).decompress(head, 1 << 18)
     except (OSError, EOFError, zlib.error):
         return False
-    return _MESSAGE.search(head) is not None
+    return _MESSAGE.search(plain_text(head[: len(head) & ~1])) is not None
 
 
 def load(path: Path, name: str | None = None) -> Recording:
@@ -72,10 +84,11 @@ def load(path: Path, name: str | None = None) -> Recording:
         InputError: the file is missing or damaged, or holds no scans.
     """
     notes: list[str] = []
-    messages = read_messages(_read(path))
+    messages = read_messages(plain_text(_read(path)))
     if messages.unreadable:
         notes.append(f"{messages.unreadable} lines could not be read and are left out")
-    scans = _choose(messages, path, notes)
+    kind, scans = _choose(messages, path, notes)
+    scans, odometry_lines = _running_on(scans, messages.odometry, notes)
     logged = geometry.path_length(scans.robot)
     scans = scans.take(order(scans.stamps, "lidar", notes))
     if (in_order := geometry.path_length(scans.robot)) > 1.05 * logged:
@@ -86,24 +99,27 @@ def load(path: Path, name: str | None = None) -> Recording:
     if len(scans.stamps) == 0:
         raise InputError(f"{path}: no scan has a valid time stamp")
     scans = _without_repeats(scans, notes)
-    poses = _robot_poses(scans, messages, notes)
-    usable = _has_usable_beams(scans)
+    poses = _robot_poses(scans, odometry_lines, notes)
+    if not scans.own_angles:
+        scans = with_declared_angles(scans, messages.parameters, messages.words, kind in REAR, notes)
+    scans = counter_clockwise(with_degrees_mended(scans, notes), notes)
+    usable = has_usable_beams(scans.start, scans.resolution, scans.beams)
     if not usable.any():
         raise InputError(f"{path}: no scan has usable beam angles")
     if not usable.all():
         notes.append(f"lidar: {int((~usable).sum())} scans with impossible beam angles left out")
         scans, poses = scans.take(np.flatnonzero(usable)), poses[usable]
-    angles, ranges, on_grid = _beams(scans, notes)
-    if not on_grid.all():
-        scans, poses = scans.take(np.flatnonzero(on_grid)), poses[on_grid]
+    angles, ranges = on_one_grid(scans.start, scans.resolution, scans.ranges, notes)
     if bad := int((~np.isfinite(ranges)).sum()):
         notes.append(f"lidar: {bad} ranges that are NaN or infinite taken as no return")
         ranges[~np.isfinite(ranges)] = 0.0
+    of_parameters = of_laser(messages.parameters, kind in REAR)
+    pose = mount(scans, messages.parameters, kind in REAR, notes)
     steps = np.zeros((len(poses), 3))
     steps[1:] = geometry.between(poses[:-1], poses[1:])
     streams = [Stream("lidar", scans.stamps)]
-    if len(messages.odometry):
-        stamps = messages.odometry[:, 3]
+    if len(odometry_lines):
+        stamps = odometry_lines[:, 3]
         streams.append(Stream("odometry", stamps[order(stamps, "odometry", notes)]))
     return Recording(
         name=name or log_name(path),
@@ -111,7 +127,7 @@ def load(path: Path, name: str | None = None) -> Recording:
         path=path,
         stamps=scans.stamps,
         ranges=ranges,
-        lidar=Lidar(angles, _RANGE_MIN, _range_max(ranges, scans, messages), _mount(scans, messages)),
+        lidar=Lidar(angles, _RANGE_MIN, _range_max(ranges, scans, of_parameters), pose),
         odometry=steps,
         relations=_read_relations(path, notes),
         notes=tuple(notes),
@@ -149,16 +165,37 @@ def _read(path: Path) -> bytes:
     return data
 
 
-def _choose(messages: Messages, path: Path, notes: list[str]) -> Scans:
-    """The scans of the message type that the log has most of: several types are the same scanner logged twice."""
-    kinds = {kind: scans for kind, scans in messages.scans.items() if len(scans.stamps)}
+def _choose(messages: Messages, path: Path, notes: list[str]) -> tuple[str, Scans]:
+    """The message type that the log has most of, and its scans: several types are the same scanner logged twice."""
+    kinds = messages.scans
+    if messages.decimal_commas:
+        raise InputError(f"{path}: numbers are written with decimal commas (1,5); write them with points")
     if not kinds:
-        raise InputError(f"{path}: holds no scans (no FLASER, ROBOTLASER1 or LASER_READING lines)")
+        others = ", ".join(f"{n} {kind}" for kind, n in messages.not_read.items())
+        has = f"; it has {others} lines, which cannot be read" if others else ""
+        raise InputError(f"{path}: holds no scans (no FLASER, ROBOTLASER1, LASER_READING or RAWLASER1 lines{has})")
     best = max(kinds, key=lambda kind: len(kinds[kind].stamps))
     for kind in kinds:
         if kind != best:
             notes.append(f"{len(kinds[kind].stamps)} {kind} lines are not used: the scans are taken from {best}")
-    return kinds[best]
+    for kind, count in messages.not_read.items():
+        notes.append(f"{count} {kind} lines are not used: the scans are taken from {best}")
+    return best, kinds[best]
+
+
+def _running_on(scans: Scans, odometry: Array, notes: list[str]) -> tuple[Scans, Array]:
+    """Scans and ODOM lines (m, 4) whose stamps run on where a 32-bit counter started again."""
+    periods = [period for stamps in (scans.stamps, odometry[:, 3]) if (period := wrap_period(stamps))]
+    if not periods:
+        return scans, odometry
+    stamps = unwrapped(scans.stamps, periods[0])
+    odometry = odometry.copy()
+    odometry[:, 3] = unwrapped(odometry[:, 3], periods[0], like=float(stamps[np.isfinite(stamps)][0]))
+    notes.append(
+        f"time stamps start again after {periods[0]:.3f} s, as a 32-bit counter does; taken in the order of the lines,"
+        " later ones moved on by as much"
+    )
+    return scans.at(stamps), odometry
 
 
 def _without_repeats(scans: Scans, notes: list[str]) -> Scans:
@@ -175,14 +212,14 @@ def _without_repeats(scans: Scans, notes: list[str]) -> Scans:
     return scans.at(spread_repeats(scans.stamps))
 
 
-def _robot_poses(scans: Scans, messages: Messages, notes: list[str]) -> Array:
+def _robot_poses(scans: Scans, lines: Array, notes: list[str]) -> Array:
     """The robot's raw odometry at every scan (n, 3); from the ODOM lines when the scans carry none."""
     if not np.isfinite(scans.robot).all():
         good = np.atleast_1d(np.isfinite(scans.robot).all(axis=1))
         notes.append(f"odometry: {int((~good).sum())} poses that are no numbers; the last one before is held")
         held = np.maximum.accumulate(np.where(good, np.arange(len(good)), 0))
         scans.robot[:] = np.nan_to_num(scans.robot[held])
-    odometry = messages.odometry[np.isfinite(messages.odometry).all(axis=1)]
+    odometry = lines[np.isfinite(lines).all(axis=1)]
     still = len(scans.robot) > 1 and not np.ptp(scans.robot, axis=0).any()
     if still and len(odometry) and np.ptp(odometry[:, :3], axis=0).any():
         notes.append("odometry: the scans carry none; interpolated from the ODOM lines")
@@ -191,60 +228,7 @@ def _robot_poses(scans: Scans, messages: Messages, notes: list[str]) -> Array:
     return scans.robot
 
 
-def _has_usable_beams(scans: Scans) -> NDArray[np.bool_]:
-    """Which scans (n,) have beams that go round at most once, from within one turn of straight ahead."""
-    turn = 2 * math.pi + 0.1
-    with np.errstate(invalid="ignore"):
-        span = scans.resolution * (scans.beams - 1)
-        usable: NDArray[np.bool_] = (np.abs(scans.start) < turn) & (scans.resolution > 1e-4) & (span < turn)
-    return usable
-
-
-def _beams(scans: Scans, notes: list[str]) -> tuple[Array, NDArray[np.float32], NDArray[np.bool_]]:
-    """One grid of beam angles (B,), the ranges on it (k, B), and which scans (n,) bool fit it.
-
-    Scans may differ in their number of beams or, interlaced, in their first angle: the grid then has all beams of all
-    scans, and a scan has no return (range 0) where it has no beam. A scan that does not fit the grid is left out.
-    """
-    shapes = list(zip(scans.start.tolist(), scans.resolution.tolist(), scans.beams.tolist(), strict=True))
-    (start, resolution, usual), _ = Counter(shapes).most_common(1)[0]
-    finer = _finer_grid((scans.start - start) / resolution)
-    step = resolution / finer
-    offset = (scans.start - start) / step
-    first = np.rint(offset).astype(int)
-    fits = (np.abs(offset - first) < _OFF_GRID) & (np.abs(scans.resolution / resolution - 1) * scans.beams < 0.5)
-    if not fits.all():
-        notes.append(f"lidar: {int((~fits).sum())} scans with other beam angles than most left out")
-    first, beams, rows = first[fits], scans.beams[fits], np.flatnonzero(fits)
-    low = int(first.min())
-    high = int((first + finer * (beams - 1)).max())
-    ranges = np.zeros((len(rows), high - low + 1), dtype=np.float32)
-    with np.errstate(over="ignore", invalid="ignore"):
-        for (at, count), group in _groups(first, beams):
-            ranges[group, at - low : at - low + finer * count : finer] = [scans.ranges[k] for k in rows[group]]
-    if (beams != usual).any():
-        counts = " or ".join(str(n) for n in np.unique(beams))
-        notes.append(f"lidar: scans have {counts} beams; where a scan has no beam it has no return")
-    if finer > 1:
-        notes.append(f"lidar: scans are interlaced at 1/{finer} of a beam; each fills every {finer}th of all beams")
-    return start + step * np.arange(low, high + 1), ranges, fits
-
-
-def _finer_grid(offsets: Array) -> int:
-    """Into how many parts a beam's width must be divided so that all first angles, in beams, fall on the grid."""
-    for parts in (1, 2, 3, 4):
-        off = np.abs(parts * offsets - np.rint(parts * offsets))
-        if (off < _OFF_GRID).mean() > 0.9:
-            return parts
-    return 1
-
-
-def _groups(first: NDArray[np.intp], beams: NDArray[np.intp]) -> list[tuple[tuple[int, int], NDArray[np.intp]]]:
-    pairs, which = np.unique(np.stack([first, beams], axis=1), axis=0, return_inverse=True)
-    return [((int(a), int(b)), np.flatnonzero(which.reshape(-1) == k)) for k, (a, b) in enumerate(pairs)]
-
-
-def _range_max(ranges: NDArray[np.float32], scans: Scans, messages: Messages) -> float:
+def _range_max(ranges: NDArray[np.float32], scans: Scans, parameters: dict[str, float]) -> float:
     """The range in m above which a reading is no return.
 
     What the log declares (ROBOTLASER1's max_range, PARAM robot_front_laser_max), else 80 m, an LMS's range. Below the
@@ -253,7 +237,11 @@ def _range_max(ranges: NDArray[np.float32], scans: Scans, messages: Messages) ->
     all readings within 5 % below it), it is no return, and the limit lies just under it.
     """
     declared = scans.max_range[np.isfinite(scans.max_range) & (scans.max_range > 0)]
-    limit = float(np.median(declared)) if len(declared) else messages.parameters.get("robot_front_laser_max", 0.0)
+    limit = (
+        float(np.median(declared))
+        if len(declared)
+        else next((parameters[key] for key in _MAX_RANGE if key in parameters), 0.0)
+    )
     if limit <= 0 or _LMS_ERROR_CODES[0] <= limit <= _LMS_ERROR_CODES[1]:
         limit = _LMS_RANGE
     measured = ranges[(ranges >= _RANGE_MIN) & (ranges <= limit)]
@@ -265,18 +253,6 @@ def _range_max(ranges: NDArray[np.float32], scans: Scans, messages: Messages) ->
     if top >= 20.0 and repeats >= max(3, 0.001 * ranges.size) and repeats > below:
         return math.floor(top * 100.0 - 0.5) / 100.0
     return limit
-
-
-def _mount(scans: Scans, messages: Messages) -> Array:
-    """The lidar's pose (3,) on the robot."""
-    if scans.on_robot:
-        mounts = geometry.between(scans.robot, scans.laser)
-        mounts = mounts[np.isfinite(mounts).all(axis=1)]
-        # Written with six decimals; far from the origin the difference is a little rough.
-        return np.round(np.median(mounts, axis=0), 4) + 0.0 if len(mounts) else np.zeros(3)
-    get = messages.parameters.get
-    x, y = get("robot_frontlaser_offset", 0.0), get("robot_frontlaser_side_offset", 0.0)
-    return np.array([x, y, get("robot_frontlaser_angular_offset", 0.0)])
 
 
 def _read_relations(path: Path, notes: list[str]) -> Relations | None:

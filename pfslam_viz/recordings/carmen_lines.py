@@ -1,89 +1,121 @@
-"""The lines of a CARMEN log to arrays. Nothing here knows what the numbers are for."""
+"""A CARMEN log taken apart into its messages. Nothing here knows what the numbers are for."""
 
 import math
-import warnings
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+import re
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pfslam_viz.recordings.carmen_layouts import FrontLaser, LaserReading, RawLaser, RobotLaser, Scans
+from pfslam_viz.recordings.carmen_numbers import leading_numbers
+
 Array = NDArray[np.float64]
 
+_LAYOUTS: dict[bytes, FrontLaser | RobotLaser] = {
+    b"FLASER": FrontLaser(),
+    b"ROBOTLASER1": RobotLaser(),
+    b"LASER_READING": LaserReading(),
+    b"RAWLASER1": RawLaser(),
+    b"RLASER": FrontLaser(),
+    b"REARLASER": FrontLaser(),
+    b"ROBOTLASER2": RobotLaser(),
+    b"RAWLASER2": RawLaser(),
+}
+# Which types to look at first: those with odometry in the line, then the same scanner without, then the one behind.
+_TIERS = ((b"FLASER", b"ROBOTLASER1", b"LASER_READING"), (b"RAWLASER1",), tuple(_LAYOUTS)[4:])
+REAR = frozenset(kind.decode() for kind in _TIERS[2])
 
-@dataclass(frozen=True, slots=True)
-class Scans:
-    """n scans of one message type, in the log's order. Poses are (n, 3): x, y in m, theta in rad.
-
-    Attributes:
-        stamps: (n,) s, ipc.
-        ranges: n arrays of (beams,) m.
-        beams: (n,) how many.
-        start: (n,) rad, angle of the first beam.
-        resolution: (n,) rad between beams.
-        max_range: (n,) m, NaN where not given.
-        laser: the laser's pose.
-        robot: the robot's pose by raw odometry.
-        on_robot: whether ``laser`` and ``robot`` together say where the laser sits.
-    """
-
-    stamps: Array
-    ranges: list[Array]
-    beams: NDArray[np.intp]
-    start: Array
-    resolution: Array
-    max_range: Array
-    laser: Array
-    robot: Array
-    on_robot: bool
-
-    def take(self, kept: NDArray[np.intp]) -> "Scans":
-        """The scans of the given indices, in their order."""
-        return Scans(
-            stamps=self.stamps[kept],
-            ranges=[self.ranges[k] for k in kept],
-            beams=self.beams[kept],
-            start=self.start[kept],
-            resolution=self.resolution[kept],
-            max_range=self.max_range[kept],
-            laser=self.laser[kept],
-            robot=self.robot[kept],
-            on_robot=self.on_robot,
-        )
-
-    def at(self, stamps: Array) -> "Scans":
-        """The same scans with other stamps."""
-        return replace(self, stamps=stamps)
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+_UTF16 = (b"\xff\xfe", b"\xfe\xff")
+_LASER_KIND = re.compile(rb"^[A-Z][A-Z_]*(?:LASER|LIDAR)[A-Z_]*\d*$")
+_DECIMAL_COMMA = re.compile(rb"\d,\d")
 
 
 @dataclass(frozen=True, slots=True)
 class Messages:
-    """What a log holds: scans by message type, ODOM as (m, 4) x, y, theta, stamp, PARAMs that are numbers."""
+    """What a log holds.
+
+    Attributes:
+        scans: by message type, of the types that were looked at; types without a readable line are left out.
+        odometry: (m, 4) x, y, theta, stamp of the ODOM lines.
+        parameters: PARAMs that are numbers.
+        words: PARAMs that are not.
+        unreadable: how many lines are broken.
+        not_read: types of scans that were not looked at, with how many lines they have.
+        decimal_commas: whether broken lines of scans or odometry have numbers such as 1,5.
+    """
 
     scans: dict[str, Scans]
     odometry: Array
     parameters: dict[str, float]
+    words: dict[str, str]
     unreadable: int
+    not_read: dict[str, int]
+    decimal_commas: bool
+
+
+def plain_text(data: bytes) -> bytes:
+    """A log's text in single bytes: without a byte order mark, UTF-16 (as PowerShell writes it) as UTF-8, no tabs."""
+    if data.startswith(_BYTE_ORDER_MARK):
+        data = data[len(_BYTE_ORDER_MARK) :]
+    elif data.startswith(_UTF16):
+        data = data.decode("utf-16", errors="replace").encode()
+    return data.replace(b"\t", b" ") if b"\t" in data else data
 
 
 def read_messages(text: bytes) -> Messages:
-    """Take a log apart. Lines of other types are skipped; broken ones are counted."""
+    """Take a log apart, as :func:`plain_text` gives it. Lines of other types are skipped; broken ones are counted."""
     lines: dict[bytes, list[bytes]] = {kind: [] for kind in (*_LAYOUTS, b"ODOM", b"PARAM")}
     for line in text.splitlines():
         kind, _, rest = line.partition(b" ")
+        if not kind:  # indented
+            kind, _, rest = line.lstrip().partition(b" ")
         if kind in lines:
             lines[kind].append(rest)
     unreadable = 0
-    scans = {}
-    for kind, layout in _LAYOUTS.items():
-        rows = layout.rows(lines[kind])
+    scans: dict[str, Scans] = {}
+    broken: list[bytes] = []
+    chosen = _tier({kind: len(lines[kind]) for kind in _LAYOUTS})
+    for kind in chosen:
+        rows = _LAYOUTS[kind].rows(lines[kind])
         kept = [row for row in rows if row is not None]
         unreadable += len(rows) - len(kept)
-        scans[kind.decode()] = layout.to_scans(kept)
-    odometry = [row for row in _rows(lines[b"ODOM"], _odometry_length) if row is not None]
+        if kept:
+            scans[kind.decode()] = _LAYOUTS[kind].to_scans(kept)
+        elif rows:
+            broken += lines[kind][:10]
+    odometry = [row for row in leading_numbers(lines[b"ODOM"], _odometry_length) if row is not None]
     unreadable += len(lines[b"ODOM"]) - len(odometry)
+    if not odometry:
+        broken += lines[b"ODOM"][:10]
     table = np.array([row[[0, 1, 2, -1]] for row in odometry]).reshape(-1, 4)
-    return Messages(scans, table, _parameters(lines[b"PARAM"]), unreadable)
+    numbers, words = _parameters(lines[b"PARAM"])
+    not_read = {kind.decode(): len(lines[kind]) for kind in _LAYOUTS if kind not in chosen and lines[kind]}
+    if not scans:
+        not_read |= _laser_kinds(text)
+    commas = any(_DECIMAL_COMMA.search(line) for line in broken)
+    return Messages(scans, table, numbers, words, unreadable, not_read, commas)
+
+
+def _tier(count: dict[bytes, int]) -> tuple[bytes, ...]:
+    """The message types to take scans from.
+
+    The front laser's with odometry in the line, unless its RAWLASER1 messages are more than ten times as many; what the
+    laser behind saw only if there is nothing else.
+    """
+    with_odometry, raw = (max(count[kind] for kind in tier) for tier in _TIERS[:2])
+    if with_odometry * 10 < raw:
+        return _TIERS[1]
+    return _TIERS[0] if with_odometry else _TIERS[2]
+
+
+def _laser_kinds(text: bytes) -> dict[str, int]:
+    """The types of lines that are called like a laser's but that no layout is known of."""
+    kinds = Counter(line.split(None, 1)[0] for line in text.splitlines() if line.strip())
+    return {kind.decode(): n for kind, n in kinds.items() if kind not in _LAYOUTS and _LASER_KIND.match(kind)}
 
 
 def _odometry_length(row: Array) -> int:
@@ -91,183 +123,18 @@ def _odometry_length(row: Array) -> int:
     return 4 if len(row) == 4 else 7
 
 
-def _parameters(lines: Iterable[bytes]) -> dict[str, float]:
-    values = {}
+def _parameters(lines: Iterable[bytes]) -> tuple[dict[str, float], dict[str, str]]:
+    numbers: dict[str, float] = {}
+    words: dict[str, str] = {}
     for line in lines:
-        words = line.split()
+        parts = [part.decode(errors="replace") for part in line.split(None, 2)[:2]]
+        if len(parts) < 2:
+            continue
         try:
-            values[words[0].decode()] = float(words[1])
-        except (IndexError, ValueError):
-            continue  # a parameter that is a word: no use for it here
-    return {name: value for name, value in values.items() if math.isfinite(value)}
-
-
-def _rows(lines: list[bytes], length: Callable[[Array], int]) -> list[Array | None]:
-    """The leading numbers of every line, as many as ``length`` (of what is there) asks for; None for broken lines.
-
-    All lines are parsed in one go; only if that fails does each line get its own attempt.
-    """
-    numbers = [line.rsplit(None, 2)[0] if line.count(b" ") > 2 else line for line in lines]  # less host, logger stamp
-    table = _parse(b" ".join(numbers))
-    if table is not None:
-        rows, at = [], 0
-        for _ in lines:
-            size = length(table[at:])
-            if size <= 0 or at + size > len(table):
-                break
-            rows.append(table[at : at + size])
-            at += size
-        if len(rows) == len(lines) and at == len(table):
-            return list(rows)
-    return [_row(line, length) for line in lines]
-
-
-def _parse(text: bytes) -> Array | None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)  # what NumPy says of text that is no number
-        try:
-            return np.fromstring(text, dtype=np.float64, sep=" ")
-        except (DeprecationWarning, ValueError):
-            return None
-
-
-def _parse_hundredths(text: bytes) -> Array | None:
-    """Numbers that are all written with two decimals and one blank between: five times as fast as :func:`_parse`.
-
-    None for any other text. The result is the same to the last bit: whole numbers divided by 100.
-    """
-    symbols = np.frombuffer(text + b" ", dtype=np.uint8)
-    dots = np.flatnonzero(symbols == ord("."))
-    if len(dots) == 0 or dots[-1] + 3 >= len(symbols) or (symbols == ord(" ")).sum() != len(dots):
-        return None
-    digits = all(((symbols[dots + k] - ord("0")) < 10).all() for k in (1, 2))
-    if not digits or not (symbols[dots + 3] == ord(" ")).all():
-        return None
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)
-        try:
-            whole = np.fromstring(text.replace(b".", b""), dtype=np.int64, sep=" ")
-        except (DeprecationWarning, ValueError):
-            return None
-    return whole / 100.0 if len(whole) == len(dots) else None
-
-
-def _row(line: bytes, length: Callable[[Array], int]) -> Array | None:
-    values = []
-    for word in line.split():
-        try:
-            values.append(float(word))
+            value = float(parts[1])
         except ValueError:
-            break  # the host's name, or damage
-    row = np.array(values)
-    size = length(row)
-    return row[:size] if 0 < size <= len(row) else None
-
-
-class _FrontLaser:
-    """``n r1..rn x y theta odom_x odom_y odom_theta ipc_timestamp``."""
-
-    tail = 7
-
-    def rows(self, lines: list[bytes]) -> list[Array | None]:
-        """Every line's numbers, None for broken lines."""
-        return self._rows_of_hundredths(lines) or _rows(lines, self.row_length)
-
-    def _rows_of_hundredths(self, lines: list[bytes]) -> list[Array | None] | None:
-        """The quick way, for whole lines whose ranges are in centimetres, as CARMEN writes them; else None."""
-        parts = [line.rsplit(None, self.tail + 2) for line in lines]  # host and logger stamp come behind
-        tails = _parse(b" ".join(word for part in parts for word in part[1 : 1 + self.tail]))
-        heads = [part[0].partition(b" ") for part in parts if part]
-        ranges = _parse_hundredths(b" ".join(head[2] for head in heads))
-        if tails is None or ranges is None or len(tails) != self.tail * len(lines):
-            return None
-        if not all(head[0].isdigit() and head[2].count(b" ") + 1 == int(head[0]) for head in heads):
-            return None
-        counts = np.array([int(head[0]) for head in heads])
-        ends = np.cumsum(counts)
-        table = tails.reshape(-1, self.tail)
-        return [
-            np.concatenate([[n], ranges[end - n : end], table[k]])
-            for k, (n, end) in enumerate(zip(counts, ends, strict=True))
-        ]
-
-    def row_length(self, row: Array) -> int:
-        return _count(row, 0) + 1 + self.tail if _count(row, 0) > 0 else -1
-
-    def to_scans(self, rows: list[Array]) -> Scans:
-        beams = np.array([int(row[0]) for row in rows], dtype=np.intp)
-        tail = np.array([row[-self.tail :] for row in rows]).reshape(-1, self.tail)
-        known = {n: _front_laser_grid(n) for n in set(beams.tolist())}
-        grid = np.array([known[n] for n in beams.tolist()]).reshape(-1, 2)
-        return Scans(
-            stamps=tail[:, -1],
-            ranges=[row[1 : -self.tail] for row in rows],
-            beams=beams,
-            start=grid[:, 0],
-            resolution=grid[:, 1],
-            max_range=np.full(len(rows), np.nan),
-            laser=tail[:, :3],
-            robot=tail[:, -4:-1],
-            on_robot=False,
-        )
-
-
-class _LaserReading(_FrontLaser):
-    """GMapping's ``n r1..rn odom_x odom_y odom_theta timestamp``: the scans that it kept."""
-
-    tail = 4
-
-
-class _RobotLaser:
-    """``type start_angle fov resolution max_range accuracy remission_mode n r1..rn m e1..em``, then 12 numbers.
-
-    ``laser_x laser_y laser_theta robot_x robot_y robot_theta tv rv forward_safety side_safety turn_axis
-    ipc_timestamp``.
-    """
-
-    head, tail = 8, 12
-
-    def rows(self, lines: list[bytes]) -> list[Array | None]:
-        """Every line's numbers, None for broken lines."""
-        return _rows(lines, self.row_length)
-
-    def row_length(self, row: Array) -> int:
-        n = _count(row, self.head - 1)
-        m = _count(row, self.head + n) if n > 0 else -1
-        return self.head + n + 1 + m + self.tail if m >= 0 else -1
-
-    def to_scans(self, rows: list[Array]) -> Scans:
-        head = np.array([row[: self.head] for row in rows]).reshape(-1, self.head)
-        tail = np.array([row[-self.tail :] for row in rows]).reshape(-1, self.tail)
-        beams = head[:, 7].astype(np.intp)
-        return Scans(
-            stamps=tail[:, -1],
-            ranges=[row[self.head : self.head + n] for row, n in zip(rows, beams, strict=True)],
-            beams=beams,
-            start=head[:, 1],
-            resolution=head[:, 3],
-            max_range=head[:, 4],
-            laser=tail[:, :3],
-            robot=tail[:, 3:6],
-            on_robot=True,
-        )
-
-
-_LAYOUTS: dict[bytes, _FrontLaser | _RobotLaser] = {
-    b"FLASER": _FrontLaser(),
-    b"ROBOTLASER1": _RobotLaser(),
-    b"LASER_READING": _LaserReading(),
-}
-
-
-def _count(row: Array, at: int) -> int:
-    """A whole number of readings at a place in a row, or -1."""
-    if at >= len(row) or not 0 <= row[at] <= 100_000 or row[at] != int(row[at]):
-        return -1
-    return int(row[at])
-
-
-def _front_laser_grid(beams: int) -> tuple[float, float]:
-    """First angle and resolution in rad of a front laser, by the number of its beams."""
-    degrees = {180: 1.0, 181: 1.0, 360: 0.5, 361: 0.5}.get(beams, 180.0 / max(beams - 1, 1))
-    return -math.pi / 2, math.radians(degrees)
+            words[parts[0]] = parts[1]
+            continue
+        if math.isfinite(value):
+            numbers[parts[0]] = value
+    return numbers, words

@@ -201,6 +201,22 @@ FORMATS: tuple[Format, ...] = (
         files=_names(r"(?P<name>.+)\.(log|clf|gfs)(\.gz|\.bz2)?"),
         module="pfslam_viz.recordings.carmen_reader",
     ),
+    Format(
+        name="ros",
+        words="a ROS bag (.bag, .db3 or .mcap, or a ROS 2 bag's folder)",
+        noun="bag",
+        files=_names(r"(?P<name>.+)\.(bag|db3|mcap)"),
+        module="pfslam_viz.recordings.ros_reader",
+        folder=("metadata.yaml", "*.db3"),
+        options=("scan_topic", "odom_topic", "base_frame"),
+    ),
+    Format(
+        name="rawlog",
+        words="an MRPT rawlog (.rawlog, plain or with .gz)",
+        noun="rawlog",
+        files=_names(r"(?P<name>.+)\.rawlog(\.gz)?"),
+        module="pfslam_viz.recordings.rawlog_reader",
+    ),
 )
 """All formats; where a folder holds recordings of several, the first of them here is the one that it stands for."""
 

@@ -4,9 +4,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pfslam_viz import geometry
-from pfslam_viz.simulation.world import World
-
 CHECKER, SLABS, PLANKS, BLUE_CARPET, GREEN_CARPET = range(5)
 PATTERNS = ("checker", "slabs", "planks", "blue carpet", "green carpet")
 TILE = 0.5  # m, edge of the checker's tiles
@@ -58,21 +55,3 @@ def floor_color(
         if zones[k, 0] <= x <= zones[k, 2] and zones[k, 1] <= y <= zones[k, 3]:
             return pattern_color(floors[k], x, y)
     return 0.0, 0.0, 0.0
-
-
-@njit(cache=True)
-def _floor_colors(  # type: ignore[no-untyped-def]
-    points: NDArray[np.float64], zones: NDArray[np.float64], floors: NDArray[np.int64]
-):
-    out = np.zeros((len(points), 3), np.uint8)
-    for k in range(len(points)):
-        r, g, b = floor_color(points[k, 0], points[k, 1], zones, floors)
-        out[k, 0], out[k, 1], out[k, 2] = np.uint8(r), np.uint8(g), np.uint8(b)
-    return out
-
-
-def floor_colors(world: World, points: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """True colours (n, 3) uint8 RGB of the floor at ``points`` (n, 2) of the world; black where there is no floor."""
-    on_plan = geometry.transform(geometry.inverse(world.plan), points)
-    colors: NDArray[np.uint8] = _floor_colors(on_plan, world.zones, world.floors)
-    return colors

@@ -29,7 +29,7 @@ class Belief:
     def _weigh(self, weights: Array) -> None:
         """The particles have these weights (N,), which sum to 1, until they are weighed again; resampled or not."""
         self._weighed = (self._particles, weights)
-        self._best = self._particles[int(np.argmax(weights))].copy()  # a view would keep all of them alive
+        self._best: Array = self._particles[int(np.argmax(weights))].copy()  # a view would keep all of them alive
 
     @property
     def settles(self) -> bool:

@@ -57,7 +57,7 @@ def transform(pose: Floats, points: Floats) -> Floats:
 
 @njit(cache=True, nogil=True)
 def moments(poses: Floats, weights: Floats) -> tuple[Floats, Floats, float]:
-    """Mean pose (3,), (33), covariance (3, 3) about it and N_eff, (30), of poses (N, 3) whose weights sum to 1."""
+    """Mean pose (3,), (33), covariance (3, 3) and effective sample size, (30), of poses (N, 3); weights sum to 1."""
     mean, covariance = np.zeros(3), np.zeros((3, 3))
     sine = cosine = squares = 0.0
     for k in range(len(poses)):

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 class Scan:
     """One lidar scan, cut to its usable beams.
 
-    ``points`` (m, 2) float64 are the end points in the robot's frame, m, (22) with the lidar's place on the robot;
+    ``points`` (m, 2) float64 are the end points in the robot's frame, m, (22) with the lidar's position on the robot;
     ``lidar_position`` (2,) is the lidar there. ``index`` and ``stamp`` (s) are the recording's.
     """
 
@@ -59,7 +59,7 @@ class Estimate:
         best: (3,) the most likely particle, "mode" in section I.
         mean: (3,) E(x), (33), heading by the circular mean.
         covariance: (3, 3) of the particles about the mean.
-        n_eff: (30).
+        n_eff: the effective sample size, (30): N when all weigh the same, 1 when one has all the weight.
         resampled: whether particles were resampled after this scan.
         informative: False when every correlation was zero, so that the weights stayed as they were.
         parents: (N,) the index of the particle in the previous step that each particle came from.
@@ -91,8 +91,11 @@ class Slam(Protocol):
         """(3,) the most likely particle after the last update."""
         ...
 
-    def predict(self, increment: Array, dt: float) -> None:
-        """Move the particles by the odometry ``increment`` (3,) of ``dt`` s, with noise: (13), (17) to (19)."""
+    def predict(self, increment: Array, dt: float, known: bool = True) -> None:
+        """Move the particles by the odometry ``increment`` (3,) of ``dt`` s, with noise: (13), (17) to (19).
+
+        ``known`` is False where the odometry says nothing: then the increment is no better than any other.
+        """
         ...
 
     def update(self, scan: Scan) -> None:

@@ -13,7 +13,7 @@ Indices = NDArray[np.intp]
 
 
 def effective_number(weights: Array) -> float:
-    """N_eff, (30), of weights (N,) that sum to 1: N when all are equal, 1 when one has all."""
+    """Effective sample size N_eff, (30), of weights (N,) that sum to 1: N when all are equal, 1 when one has all."""
     return float(1.0 / np.sum(weights**2))
 
 

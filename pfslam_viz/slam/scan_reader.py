@@ -15,10 +15,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class ScanReader:
-    """Turns ranges into a :class:`Scan`, with the lidar's place on the robot.
+    """Turns ranges into a :class:`Scan`, with the lidar's position on the robot.
 
-    ``directions`` (B, 2) are unit vectors of the beams in the robot's frame, ``lidar_position`` (2,) m the lidar there;
-    ``shortest`` and ``longest`` m are the limits of what is a return.
+    ``directions`` (B, 2) are unit vectors of the beams in the robot's frame, ``lidar_position`` (2,) m the lidar there.
+    A range from ``shortest`` to ``longest`` m is a return: the beam hit something and came back.
     """
 
     directions: Array
@@ -36,7 +36,7 @@ class ScanReader:
         return cls(directions, lidar.pose[:2].copy(), lidar.range_min, longest, config.max_beams)
 
     def read(self, index: int, stamp: float, ranges: NDArray[np.float32]) -> Scan:
-        """One scan's ranges (B,) m; those outside the limits are no return and are left out."""
+        """One scan's ranges (B,) m; those outside the limits are no returns and are left out."""
         points = kernels.read_scan(
             np.ascontiguousarray(ranges, np.float32), self.directions, self.lidar_position, self.shortest, self.longest
         )

@@ -92,17 +92,6 @@ class FloorTexture:
         here = slice(row, row + seen.shape[0]), slice(column, column + seen.shape[1])
         return merge(seen, self._sum[here], self.weight[here], self.color[here])
 
-    def aligned(self, shape: tuple[int, int], origin: tuple[int, int]) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-        """Colour and weight as seen on another grid of the same cells: copies of ``shape``, cropped or padded."""
-        color, weight = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.float32)
-        row, column = origin[0] - self.origin[0], origin[1] - self.origin[1]  # where this grid's [0, 0] lands
-        r0, r1 = max(row, 0), min(row + self.shape[0], shape[0])
-        c0, c1 = max(column, 0), min(column + self.shape[1], shape[1])
-        if r0 < r1 and c0 < c1:
-            color[r0:r1, c0:c1] = self.color[r0 - row : r1 - row, c0 - column : c1 - column]
-            weight[r0:r1, c0:c1] = self.weight[r0 - row : r1 - row, c0 - column : c1 - column]
-        return color, weight
-
     def _cover(self, first_row: int, last_row: int, first_column: int, last_column: int) -> None:
         """Grow until the given cells, counted from the origin's, lie inside."""
         rows, columns = self.shape

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from pfslam_viz.texture import FloorTexture
 
 UNKNOWN = 255  # as in ROS: 0 is free, 100 occupied
+IMAGE_SCALE = 2  # camera images are reduced by this
 FARTHEST_DISPARITY = 1100  # raw; the formula has no depth beyond
 WALL_HEIGHT = 0.6  # m: low enough to look over
 _STEPS = 12.0  # levels of the table below per unit of log-odds
@@ -165,7 +166,7 @@ def walls(grid: OccupancyGrid) -> Boxes:
     return Boxes(centers, half)
 
 
-def color_jpeg(path: "Path", scale: int = 2) -> Jpeg | None:
+def color_jpeg(path: "Path", scale: int = IMAGE_SCALE) -> Jpeg | None:
     """A colour frame, reduced, as JPEG; None where the file cannot be read."""
     import cv2
 
@@ -176,7 +177,7 @@ def color_jpeg(path: "Path", scale: int = 2) -> Jpeg | None:
     return _jpeg(cv2.resize(image, (width // scale, height // scale), interpolation=cv2.INTER_AREA))
 
 
-def disparity_jpeg(path: "Path", scale: int = 2) -> Jpeg | None:
+def disparity_jpeg(path: "Path", scale: int = IMAGE_SCALE) -> Jpeg | None:
     """A disparity frame (uint16), near bright, pixels without depth black, reduced, as JPEG; None if unreadable."""
     import cv2
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from pfslam_viz.errors import InputError, PfslamError
-from pfslam_viz.viewer.sinks import free_port, viewer_binary
+from pfslam_viz.viewer.connections import free_port, viewer_binary
 
 START_SECONDS = 60.0
 SETTLE_SECONDS = 1.0  # compressed images decode after the first paint

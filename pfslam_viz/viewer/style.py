@@ -7,6 +7,7 @@ import rerun as rr
 
 from pfslam_viz.recordings.recording import Frames, Recording
 from pfslam_viz.viewer import entities
+from pfslam_viz.viewer.contents import IMAGE_SCALE
 from pfslam_viz.viewer.entities import ENTITIES, Color, Entity, Kind
 from pfslam_viz.viewer.framing import Framing, overhead_camera
 from pfslam_viz.viewer.sinks import Sink
@@ -14,7 +15,6 @@ from pfslam_viz.viewer.sinks import Sink
 CLOSE_UP, LOUPE = "close_up", "loupe"  # the cameras that follow the robot
 FOLLOW_HEIGHT = 9.0  # m of floor that the close-up shows
 LOUPE_HEIGHTS = (0.15, 2.0)  # m of floor that the particles' own view shows, by how far they spread
-IMAGE_SCALE = 2  # camera images are reduced by this
 
 ROBOT_OUTLINE = np.array([[0.55, 0, 0], [-0.3, 0.3, 0], [-0.15, 0, 0], [-0.3, -0.3, 0]])
 """m: an arrow head along x, about as large as the robot."""

@@ -1,18 +1,21 @@
 import bz2
 import gzip
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.errors import InputError
 from pfslam_viz.recordings import carmen
 
+Numbers = Sequence[float] | NDArray[np.float64]
 
-def flaser(ranges: Sequence[float], odometry: Sequence[float], stamp: float, laser: Sequence[float] = (0, 0, 0)) -> str:
+
+def flaser(ranges: Numbers, odometry: Numbers, stamp: float, laser: Sequence[float] = (0, 0, 0)) -> str:
     numbers = " ".join(f"{r:.2f}" for r in ranges)
     poses = " ".join(f"{v:f}" for v in (*laser, *odometry))
     return f"FLASER {len(ranges)} {numbers} {poses} {stamp:f} host {stamp + 0.5:f}"
@@ -57,7 +60,7 @@ def test_flaser(tmp_path: Path) -> None:
     assert recording.stamps.tolist() == [10.0, 10.5]
     np.testing.assert_allclose(recording.ranges[1], np.array(BEAMS) + 1, rtol=1e-6)
     # From (1, 1) facing +y to (1, 3) facing -x: two metres ahead and a left turn of 90 degrees.
-    np.testing.assert_allclose(recording.odometry, [[0, 0, 0], [2, 0, math.pi / 2]], atol=1e-6)
+    np.testing.assert_allclose(recording.odometry, [[0.0, 0, 0], [2, 0, math.pi / 2]], atol=1e-6)
     assert recording.lidar.pose.tolist() == [0.25, 0, 0]
     np.testing.assert_allclose(np.degrees(recording.lidar.angles), np.arange(-90, 90), atol=1e-9)
     assert recording.lidar.range_max == 80.0
@@ -110,11 +113,13 @@ def test_interlaced_scans_share_one_grid(tmp_path: Path) -> None:
     assert any("interlaced at 1/2" in note for note in recording.notes)
 
 
-def test_scan_of_another_resolution_is_left_out(tmp_path: Path) -> None:
-    lines = [flaser([1.0] * 180, (k, 0, 0), k) for k in range(4)] + [flaser([2.0] * 361, (4, 0, 0), 4.0)]
-    recording = carmen.load(write(tmp_path / "x.log", *lines, flaser([1.0] * 180, (5, 0, 0), 5.0)))
-    assert recording.stamps.tolist() == [0, 1, 2, 3, 5]
-    np.testing.assert_allclose(recording.odometry[:, 0], [0, 1, 1, 1, 2])
+def test_scan_of_another_resolution_is_brought_to_the_grid_of_most(tmp_path: Path) -> None:
+    lines = [flaser([1.0] * 180, (k, 0, 0), k) for k in range(4)]
+    finer = flaser(np.linspace(2.0, 5.6, 361).round(2), (4, 0, 0), 4.0)  # 0.5 degrees apart: every other beam
+    recording = carmen.load(write(tmp_path / "x.log", *lines, finer, flaser([1.0] * 180, (5, 0, 0), 5.0)))
+    assert recording.stamps.tolist() == [0, 1, 2, 3, 4, 5]
+    np.testing.assert_allclose(recording.ranges[4], np.linspace(2.0, 5.58, 180), atol=1e-6)
+    np.testing.assert_allclose(recording.odometry[:, 0], [0, 1, 1, 1, 1, 1])
     assert any("1 scans with other beam angles" in note for note in recording.notes)
 
 
@@ -244,7 +249,8 @@ def test_relations_beside(tmp_path: Path) -> None:
 @pytest.mark.parametrize("suffix", [".log", ".clf", ".gfs"])
 @pytest.mark.parametrize("packer", ["", ".gz", ".bz2"])
 def test_suffixes(tmp_path: Path, suffix: str, packer: str) -> None:
-    pack = {"": bytes, ".gz": gzip.compress, ".bz2": bz2.compress}[packer]
+    packers: dict[str, Callable[[bytes], bytes]] = {"": bytes, ".gz": gzip.compress, ".bz2": bz2.compress}
+    pack = packers[packer]
     path = tmp_path / f"a.b{suffix}{packer}"
     path.write_bytes(pack((flaser(BEAMS, (0, 0, 0), 1.0) + "\r\n").encode()))
     assert carmen.is_log(path) and carmen.looks_like_log(path)

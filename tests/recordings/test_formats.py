@@ -81,8 +81,9 @@ def test_a_row_is_listed_and_described(toy: Path) -> None:
 def test_a_row_is_claimed_by_the_importer(toy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     started = []
     monkeypatch.setattr(importer, "_replay", lambda *arguments: started.append(arguments[0]))
+    assert not is_recording(toy)  # one file in it does not make the folder ours
     (toy / "no.toy").write_text("hello")
-    assert is_recording(toy / "drive.toy") and not is_recording(toy / "no.toy") and not is_recording(toy)
+    assert is_recording(toy / "drive.toy") and not is_recording(toy / "no.toy")
     assert importer.main([str(toy / "drive.toy")]) == 0
     assert importer.main([str(toy / "no.toy")]) == importer.NOT_OURS
     assert started == [toy / "drive.toy"]
@@ -97,10 +98,10 @@ def test_messages_name_a_row(toy: Path) -> None:
 def test_options_reach_the_format_that_reads_them_and_are_refused_by_others(toy: Path) -> None:
     assert load_recording("drive", toy, scan_topic="/front").notes[0] == "read with /front"
     assert describe_path("drive", toy, scan_topic="/front")["notes"][0] == "read with /front"  # type: ignore[index]
-    with pytest.raises(InputError, match=r"drive\.toy: a toy file \(\.toy\) is read without base_frame$"):
+    with pytest.raises(InputError, match=r"drive\.toy: a toy file .* is read without base_frame; it is for a ROS"):
         load_recording("drive", toy, base_frame="base")
     (toy / "x.log").write_text("")
-    with pytest.raises(InputError, match=r"read without scan_topic; it is for a toy file \(\.toy\)$"):
+    with pytest.raises(InputError, match=r"read without scan_topic; it is for a ROS bag .* or a toy file \(\.toy\)$"):
         load_recording("x", toy, scan_topic="/front")
     with pytest.raises(TypeError, match="topics"):
         load_recording("drive", toy, topics="/front")

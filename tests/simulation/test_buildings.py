@@ -1,17 +1,22 @@
+from collections.abc import Callable
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.errors import InputError
 from pfslam_viz.simulation.buildings import BUILDINGS, build
 from pfslam_viz.simulation.drive import DriveConfig, drive_along
-from pfslam_viz.simulation.floor import floor_colors
 from pfslam_viz.simulation.sensors import true_ranges
+from pfslam_viz.simulation.world import World
+
+Colors = Callable[[World, NDArray[np.float64]], NDArray[np.float64]]
 
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("name", BUILDINGS)
-def test_the_route_is_clear_and_the_building_closed(name: str, seed: int) -> None:
+def test_the_route_is_clear_and_the_building_closed(name: str, seed: int, floor_colors: Colors) -> None:
     rng = np.random.default_rng(seed)
     world = build(name, rng)
     drive = drive_along(world.route, rng, DriveConfig())

@@ -1,11 +1,16 @@
+from collections.abc import Callable
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from pfslam_viz.config import load_robot
 from pfslam_viz.robot import CameraGeometry, Intrinsics
-from pfslam_viz.simulation.floor import CHECKER, floor_colors
+from pfslam_viz.simulation.floor import CHECKER
 from pfslam_viz.simulation.kinect import NO_READING, eyes, render_color, render_disparity
 from pfslam_viz.simulation.world import Plan, World
+
+Colors = Callable[[World, NDArray[np.float64]], NDArray[np.float64]]
 
 
 def room() -> World:
@@ -40,7 +45,7 @@ def test_nothing_beyond_8_m() -> None:
     assert disparity[243, 316] == NO_READING and (disparity[479] < 1000).all()
 
 
-def test_the_colour_of_a_depth_pixel_is_where_the_conversion_says() -> None:
+def test_the_colour_of_a_depth_pixel_is_where_the_conversion_says(floor_colors: Colors) -> None:
     """Through DATA's printed map from depth to colour pixels, the floor's colour is found at every floor pixel."""
     robot_camera = load_robot().ground_camera()
     assert robot_camera is not None

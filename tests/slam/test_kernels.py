@@ -37,7 +37,8 @@ def scan(rng: np.random.Generator, kind: str) -> Array:
         return np.array([[1.03, 0.0], [0.0, 1.03], [-1.03, 0.0], [0.0, -1.03], [0.0, 0.0], [0.52, 0.52], [-0.52, 0.52]])
     reach = 30.0 if kind == "outside" else 1.5
     angles = np.linspace(-2.4, 2.4, 271)
-    return rng.uniform(0.1, reach, (271, 1)) * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    points: Array = rng.uniform(0.1, reach, (271, 1)) * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return points
 
 
 def cells_of(world: Array) -> NDArray[np.int64]:

@@ -1,6 +1,7 @@
 """The kernels that write scans, against a plain NumPy twin that draws every line on random input."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from pfslam_viz.slam import map_kernels
 
 Array = NDArray[np.float64]
 Cell = tuple[int, int]
+Layers = tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint8]]
 
 ORIGIN = (23, 17)
 CELL = 0.1
@@ -180,21 +182,24 @@ def test_add_scans_stops_at_the_first_that_does_not_fit() -> None:
     sensors, sizes = rng.uniform(-0.2, 0.2, (5, 2)), [40, 0, 60, 30, 50]
     scans = [rng.uniform(-1, 1, (size, 2)) for size in sizes]
     scans[3] *= 30.0
-    first, numbers = np.cumsum([0, *sizes]), [np.float32(v) for v in (1.4, 0.9, 100.0, 0.0)]
+    first = np.cumsum([0, *sizes])
 
-    def layers() -> list[np.ndarray]:
-        return [np.zeros(SHAPE, np.float32), np.zeros(SHAPE, np.uint8), np.zeros(SHAPE, np.uint8)]
+    def layers() -> Layers:
+        return np.zeros(SHAPE, np.float32), np.zeros(SHAPE, np.uint8), np.zeros(SHAPE, np.uint8)
 
-    together, one_by_one = layers(), layers()
-    place = (*ORIGIN, CELL, *numbers)
-    done, extent = map_kernels.add_scans(poses, np.vstack(scans), first, sensors, 0, *together, 20, *place)
+    log_odds, occupied, touched = together = layers()
+    one_by_one = layers()
+    place: tuple[Any, ...] = (*ORIGIN, CELL, np.float32(1.4), np.float32(0.9), np.float32(100.0), np.float32(0.0))
+    done, extent = map_kernels.add_scans(
+        poses, np.vstack(scans), first, sensors, 0, log_odds, occupied, touched, 20, *place
+    )
     for k in range(4):
         inside, expected, _ = map_kernels.add_scan(poses[k], scans[k], sensors[k], *one_by_one, k + 1, *place)
         assert inside == (k < 3)
     assert done == 3 and extent.tolist() == expected.tolist()
     for a, b in zip(together[:2], one_by_one[:2], strict=True):
         np.testing.assert_array_equal(a, b)
-    done, _ = map_kernels.add_scans(poses, np.vstack(scans), first, sensors, 4, *together, 30, *place)
+    done, _ = map_kernels.add_scans(poses, np.vstack(scans), first, sensors, 4, log_odds, occupied, touched, 30, *place)
     map_kernels.add_scan(poses[4], scans[4], sensors[4], *one_by_one, 40, *place)
     assert done == 5
     np.testing.assert_array_equal(together[0], one_by_one[0])

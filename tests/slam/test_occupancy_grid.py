@@ -178,6 +178,7 @@ def test_an_end_point_in_the_outermost_ring_makes_the_grid_grow(x: float, y: flo
     ring = np.ones(g.shape, bool)
     ring[1:-1, 1:-1] = False
     assert not g.log_odds[ring].any()
-    inner, clip = grid(), lambda v: min(max(v, -31.25), 31.25)  # one cell further in, it need not
-    inner.add(np.array([0.2, -0.2, 0.0]), np.array([[clip(x) - 0.2, clip(y) + 0.2]]), HERE)
+    inner = grid()
+    x, y = np.clip([x, y], -31.25, 31.25)  # one cell further in, it need not
+    inner.add(np.array([0.2, -0.2, 0.0]), np.array([[x - 0.2, y + 0.2]]), HERE)
     assert inner.shape == (128, 128)

@@ -21,7 +21,8 @@ from pfslam_viz.replay import Replay
 from pfslam_viz.settings import Config
 from pfslam_viz.simulation.recording import simulate
 from pfslam_viz.simulation.sensors import true_ranges
-from pfslam_viz.slam.graph import smoothing
+from pfslam_viz.slam.graph import loop_closing, smoothing
+from pfslam_viz.slam.graph.pose_graph import Constraints
 from pfslam_viz.slam.graph.scan_store import ScanStore
 from pfslam_viz.slam.graph.settings import LoopClosingConfig, ScanMatchingConfig, SmoothingConfig
 from pfslam_viz.slam.graph.smoothing import Smoother
@@ -29,11 +30,12 @@ from pfslam_viz.slam.paper.settings import PaperConfig
 from pfslam_viz.slam.rbpf.settings import RbpfConfig
 
 Array = NDArray[np.float64]
+Round = tuple[Array, Array, list[Array]]  # drifted key poses (k, 3), the odometry (k, 3), and the scans' end points
 
 NAMES = ("name", "backend")  # what a configuration is called, and which filter these settings are of
 
 # A value to change to, where half or twice as much says too little on a drive this short.
-OTHER = {
+OTHER: dict[str, Any] = {
     "observation.max_range": 2.5,
     "observation.max_beams": 20,
     "map.log_odds_bound": 1.0,
@@ -67,18 +69,11 @@ GIVEN = {
     "resampling.scheme": ["resampling.policy=always"],
 }
 
-
-def box(x0: float, y0: float, x1: float, y1: float) -> list[tuple[float, float, float, float]]:
-    return [(x0, y0, x1, y0), (x1, y0, x1, y1), (x1, y1, x0, y1), (x0, y1, x0, y0)]
-
-
-ROOM = np.array(box(-3, -2, 4, 3) + box(1.2, 0.8, 1.9, 1.4))
+ROOM = np.array([  # with a pillar; x0, y0, x1, y1
+    (-3, -2, 4, -2), (4, -2, 4, 3), (4, 3, -3, 3), (-3, 3, -3, -2),
+    (1.2, 0.8, 1.9, 0.8), (1.9, 0.8, 1.9, 1.4), (1.9, 1.4, 1.2, 1.4), (1.2, 1.4, 1.2, 0.8),
+])  # fmt: skip
 CORRIDOR = np.array([(-60.0, -1.1, 60.0, -1.1), (-60.0, 1.1, 60.0, 1.1)])
-BLOCK = np.array(
-    box(-1, -1, 9, 7) + box(1, 1, 7, 5) + box(2.0, -1, 2.6, -0.7) + box(5.2, 0.75, 5.9, 1) + box(8.6, 1.3, 9, 2.2)
-    + box(7, 3.5, 7.3, 4.0) + box(5.5, 6.6, 6.2, 7) + box(2.5, 5, 2.8, 5.25) + box(-1, 4.1, -0.75, 4.9)
-    + box(0.8, 2.2, 1, 2.9)
-)  # fmt: skip
 
 
 def changed(key: str, field: FieldInfo, value: Any) -> Any:
@@ -91,8 +86,9 @@ def changed(key: str, field: FieldInfo, value: Any) -> Any:
         return not value
     if isinstance(value, tuple):
         return tuple(type(item)(2 * item) for item in value)
-    highest = min((m.le for m in field.metadata if isinstance(m, annotated_types.Le)), default=math.inf)
-    highest = min([highest, *(m.lt for m in field.metadata if isinstance(m, annotated_types.Lt))])
+    bounds: list[Any] = [m.le for m in field.metadata if isinstance(m, annotated_types.Le)]
+    bounds += [m.lt for m in field.metadata if isinstance(m, annotated_types.Lt)]
+    highest = min(bounds, default=math.inf)
     return 2 * value if value and 2 * value < highest else type(value)(value / 2 if value else 1)
 
 
@@ -112,7 +108,7 @@ def drive(walls: Array, increments: Array, beams: int = 121) -> Recording:
     odometry = increments * [1.1, 1.0, 1.0] + rng.normal(0, [0.004, 0.002, 0.002], increments.shape)
     odometry[0] = 0.0
     return Recording(
-        name="drive", format="test", path=Path("drive"), stamps=0.1 * np.arange(len(truth)),
+        name="drive", format="test", path=Path("drive"), stamps=0.1 * np.arange(float(len(truth))),
         ranges=(exact + rng.normal(0, 0.01, exact.shape)).astype(np.float32), lidar=lidar, odometry=odometry,
     )  # fmt: skip
 
@@ -124,7 +120,7 @@ def short_drive() -> Recording:
     in_the_room = drive(ROOM, np.array([rest] + [curve] * 34 + [rest] * 2))
     in_the_corridor = drive(CORRIDOR, np.array([rest] + [straight] * 30))
     return Recording(
-        name="drive", format="test", path=Path("drive"), stamps=0.1 * np.arange(68),
+        name="drive", format="test", path=Path("drive"), stamps=0.1 * np.arange(68.0),
         ranges=np.vstack([in_the_room.ranges, in_the_corridor.ranges]), lidar=in_the_room.lidar,
         odometry=np.vstack([in_the_room.odometry, in_the_corridor.odometry]),
     )  # fmt: skip
@@ -199,8 +195,8 @@ def filmed(tmp_path_factory: pytest.TempPathFactory) -> Recording:
 # Hindsight: once round a block whose start is met again, on a drive that drifted where the lidar was blind.
 
 
-@cache
-def round_the_block() -> tuple[Array, Array, list[Array]]:
+@pytest.fixture(scope="module")
+def round_the_block(block: Array) -> Round:
     """Drifted poses (k, 3), the odometry (k, 3) that led there, and the scans' end points."""
     rng = np.random.default_rng(4)
     increments = [(0.0, 0.0, 0.0)]
@@ -210,7 +206,7 @@ def round_the_block() -> tuple[Array, Array, list[Array]]:
     truth = geometry.accumulate(odometry)
     angles = np.linspace(-0.75 * np.pi, 0.75 * np.pi, 181)
     scans = []
-    for k, exact in enumerate(true_ranges(BLOCK, truth, angles)[0]):
+    for k, exact in enumerate(true_ranges(block, truth, angles)[0]):
         seen = (exact < 15.0) & (not 65 <= k < 78)
         measured = exact[seen] + 0.01 * rng.standard_normal(seen.sum())
         scans.append(np.stack([measured * np.cos(angles[seen]), measured * np.sin(angles[seen])], axis=-1))
@@ -219,8 +215,8 @@ def round_the_block() -> tuple[Array, Array, list[Array]]:
     return geometry.accumulate(odometry), odometry, scans
 
 
-def settled(config: SmoothingConfig, loops: LoopClosingConfig) -> str:
-    poses, odometry, scans = round_the_block()
+def settled(given: Round, config: SmoothingConfig, loops: LoopClosingConfig) -> str:
+    poses, odometry, scans = given
     store = ScanStore(np.zeros(2), ScanMatchingConfig())
     for points in scans:
         store.add(points)
@@ -270,33 +266,38 @@ LOOP_OTHER: dict[str, Any] = {
 }
 
 
-@cache
-def usually_settled() -> str:
-    return settled(SMOOTHING, LOOPS)
+@pytest.fixture(scope="module")
+def usually_settled(round_the_block: Round) -> str:
+    return settled(round_the_block, SMOOTHING, LOOPS)
 
 
 @pytest.mark.parametrize("key", [key for key in SmoothingConfig.model_fields if key != "enabled"])
-def test_every_setting_of_smoothing(key: str) -> None:
+def test_every_setting_of_smoothing(key: str, round_the_block: Round) -> None:
     given = SMOOTHING.model_dump() | SMOOTHING_GIVEN.get(key, {})
     value = changed(key, SmoothingConfig.model_fields[key], given[key])
     one, other = (SmoothingConfig.model_validate(given | change) for change in ({}, {key: value}))
-    assert settled(other, LOOPS) != settled(one, LOOPS)
+    assert settled(round_the_block, other, LOOPS) != settled(round_the_block, one, LOOPS)
 
 
 @pytest.mark.parametrize("key", [key for key in LoopClosingConfig.model_fields if key != "searches"])
-def test_every_setting_of_loop_closing(key: str) -> None:
+def test_every_setting_of_loop_closing(key: str, round_the_block: Round, usually_settled: str) -> None:
     field, value = LoopClosingConfig.model_fields[key], getattr(LOOPS, key)
     other = LOOP_OTHER.get(key, changed("", field, value))
-    assert settled(SMOOTHING, LoopClosingConfig.model_validate(LOOPS.model_dump() | {key: other})) != usually_settled()
+    changed_loops = LoopClosingConfig.model_validate(LOOPS.model_dump() | {key: other})
+    assert settled(round_the_block, SMOOTHING, changed_loops) != usually_settled
 
 
 @pytest.mark.parametrize("searches", [1, 2])
-def test_a_search_follows_a_closed_loop(searches: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_search_follows_a_closed_loop(searches: int, round_the_block: Round, monkeypatch: pytest.MonkeyPatch) -> None:
     """In this drive one search finds all there is; how often is looked shows in how often it is called."""
     looked = []
-    find = smoothing.find_loops
-    monkeypatch.setattr(smoothing, "find_loops", lambda *given: (looked.append(1), find(*given))[1])
-    settled(SMOOTHING, LoopClosingConfig(least_reach=3.0, searches=searches))
+
+    def find(scans: ScanStore, poses: Array, config: LoopClosingConfig) -> list[Constraints]:
+        looked.append(1)
+        return loop_closing.find_loops(scans, poses, config)
+
+    monkeypatch.setattr(smoothing, "find_loops", find)
+    settled(round_the_block, SMOOTHING, LoopClosingConfig(least_reach=3.0, searches=searches))
     assert len(looked) == searches
 
 

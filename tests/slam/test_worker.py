@@ -81,8 +81,15 @@ def test_an_error_in_either_part_comes_out(failing: int, error: type[Exception])
 
 
 def test_a_task_is_done_by_the_other_thread_in_the_order_given() -> None:
-    worker, begun, order = Worker(), threading.Event(), []
-    first = worker.submit(lambda: (begun.set(), order.append("first"), here())[2])
+    worker, begun = Worker(), threading.Event()
+    order: list[str] = []
+
+    def work() -> str:
+        begun.set()
+        order.append("first")
+        return here()
+
+    first = worker.submit(work)
     assert begun.wait(20)  # without a result being asked for
     second, third = (worker.submit(partial(order.append, name)) for name in ("second", "third"))
     assert first.result() != here()
@@ -105,7 +112,13 @@ def test_a_task_that_has_not_begun_is_done_where_its_result_is_asked_for() -> No
 
 def test_a_task_that_has_begun_is_waited_for() -> None:
     worker, begun, release = Worker(), threading.Event(), threading.Event()
-    task = worker.submit(lambda: (begun.set(), release.wait(20), 7)[2])
+
+    def work() -> int:
+        begun.set()
+        release.wait(20)
+        return 7
+
+    task = worker.submit(work)
     begun.wait(20)
     threading.Timer(0.05, release.set).start()
     assert task.result() == 7

@@ -168,21 +168,12 @@ def test_grows_in_every_direction_and_keeps_its_frame() -> None:
     for pose in poses:
         single = texture()
         single.add(disparity, color, pose)
-        alone += single.aligned(grown.shape, grown.origin)[1]
+        row, column = grown.origin[0] - single.origin[0], grown.origin[1] - single.origin[1]
+        alone[row : row + single.shape[0], column : column + single.shape[1]] += single.weight
     assert np.array_equal(alone, grown.weight) and alone.sum() > 0
     x, y = grown.lower_left
     assert x == pytest.approx(-grown.origin[1] * 0.07) and x < -25.0
     assert y == pytest.approx((grown.origin[0] - grown.shape[0]) * 0.07) and y < -18.0
-
-
-def test_aligned_crops_and_pads() -> None:
-    floor = texture()
-    floor.add(floor_disparity(), np.full((480, 640, 3), 200, np.uint8), (0.0, 0.0, 0.0))
-    row, column = np.argwhere(floor.weight)[0]
-    color, weight = floor.aligned((3, 5), (floor.origin[0] - row + 1, floor.origin[1] - column + 2))
-    assert weight.shape == (3, 5) and weight[1, 2] == floor.weight[row, column] and (color[1, 2] == 200).all()
-    color, weight = floor.aligned((10, 10), (2000, 2000))
-    assert color.shape == (10, 10, 3) and not weight.any()
 
 
 @pytest.mark.parametrize(

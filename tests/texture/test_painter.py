@@ -1,8 +1,10 @@
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.config import load_robot
@@ -11,7 +13,7 @@ from pfslam_viz.recordings.recording import Frames, Recording
 from pfslam_viz.settings import TextureConfig
 from pfslam_viz.simulation.buildings import build
 from pfslam_viz.simulation.drive import DriveConfig, drive_along
-from pfslam_viz.simulation.floor import CHECKER, TILE, floor_colors
+from pfslam_viz.simulation.floor import CHECKER, TILE
 from pfslam_viz.simulation.recording import simulate
 from pfslam_viz.simulation.world import World
 from pfslam_viz.texture import FloorTexture, TexturePainter
@@ -20,6 +22,7 @@ from pfslam_viz.texture.kinect import FloorView
 from pfslam_viz.texture.painter import pair
 
 CELL = 0.07
+Colors = Callable[[World, NDArray[np.float64]], NDArray[np.float64]]
 
 
 def test_pair_takes_the_nearest_disparity_frame() -> None:
@@ -114,7 +117,7 @@ def office(tmp_path_factory: pytest.TempPathFactory) -> tuple[Recording, World]:
 
 
 def true_colors(
-    world: World, texture: FloorTexture, cells: np.ndarray, shift: tuple[float, float] = (0, 0)
+    floor_colors: Colors, world: World, texture: FloorTexture, cells: np.ndarray, shift: tuple[float, float] = (0, 0)
 ) -> np.ndarray:
     """(n, 3) mean colour of the simulated floor over each cell (n, 2), displaced by ``shift`` cells down and right."""
     total = np.zeros((len(cells), 3))
@@ -127,7 +130,7 @@ def true_colors(
     return total / len(parts) ** 2
 
 
-def test_the_painted_floor_is_the_simulated_one(office: tuple[Recording, World]) -> None:
+def test_the_painted_floor_is_the_simulated_one(office: tuple[Recording, World], floor_colors: Colors) -> None:
     recording, world = office
     assert recording.truth is not None and recording.frames is not None
     painter = TexturePainter(recording.frames, TextureConfig(), CELL)
@@ -138,7 +141,7 @@ def test_the_painted_floor_is_the_simulated_one(office: tuple[Recording, World])
     assert painter.skipped.total == 0 and painter.painted == len(recording.frames.color_stamps) > 25
 
     cells = np.argwhere(texture.weight)
-    true = true_colors(world, texture, cells)
+    true = true_colors(floor_colors, world, texture, cells)
     on_floor = (true > 60).all(axis=1)  # not the feet of walls
     assert len(cells) > 4000 and on_floor.mean() > 0.9
     error = np.abs(texture.color[cells[:, 0], cells[:, 1]] - true)[on_floor].mean(axis=1)
@@ -152,7 +155,9 @@ def test_the_painted_floor_is_the_simulated_one(office: tuple[Recording, World])
     assert world.floors[0] == CHECKER
     painted = texture.color[cells[:, 0], cells[:, 1]]
     shifts = [(a / 4, b / 4) for a in range(-6, 7) for b in range(-6, 7)]
-    misfit = np.array([((painted - true_colors(world, texture, cells, s)) ** 2).sum(axis=1) for s in shifts])
+    misfit = np.array(
+        [((painted - true_colors(floor_colors, world, texture, cells, s)) ** 2).sum(axis=1) for s in shifts]
+    )
     offsets = []
     for i in range(int(np.ceil(zone[0] / TILE)) + 1, int(zone[2] / TILE)):
         for j in range(int(np.ceil(zone[1] / TILE)) + 1, int(zone[3] / TILE)):

@@ -24,7 +24,8 @@ from pfslam_viz.step import Step
 from pfslam_viz.texture.floor_texture import FloorTexture
 from pfslam_viz.viewer.blueprint import BACKGROUND
 from pfslam_viz.viewer.collector import StreamOptions
-from pfslam_viz.viewer.sinks import open_sinks, viewer_binary
+from pfslam_viz.viewer.connections import viewer_binary
+from pfslam_viz.viewer.sinks import open_sinks
 from pfslam_viz.viewer.stream import replay_stream
 
 Array = NDArray[np.float64]

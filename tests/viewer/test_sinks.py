@@ -16,8 +16,9 @@ import pytest
 import rerun as rr
 
 from pfslam_viz.errors import InputError, PfslamError
-from pfslam_viz.viewer import sinks
-from pfslam_viz.viewer.sinks import Sink, open_sinks, viewer_binary
+from pfslam_viz.viewer import connections, sinks
+from pfslam_viz.viewer.connections import viewer_binary
+from pfslam_viz.viewer.sinks import Sink, open_sinks
 
 if TYPE_CHECKING:
     from tests.viewer.conftest import Readable
@@ -43,7 +44,7 @@ def proxy() -> Iterator[tuple[subprocess.Popen[bytes], str]]:
     command = [str(viewer_binary()), "--serve-grpc", "--bind", "127.0.0.1", "--port", str(port)]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     deadline = time.monotonic() + 20
-    while not sinks._answers("127.0.0.1", port):
+    while not connections.answers("127.0.0.1", port):
         assert time.monotonic() < deadline and process.poll() is None
         time.sleep(0.05)
     yield process, f"rerun+http://127.0.0.1:{port}/proxy"
@@ -222,7 +223,7 @@ def test_serving_is_on_the_loopback_and_lasts_until_it_is_told(tmp_path: Path) -
         sockets = Path("/proc/net/tcp")
         lines = [line.split() for line in sockets.read_text().splitlines()[1:]] if sockets.is_file() else []
         listening = {line[1] for line in lines if line[3] == "0A"}
-        assert sinks._answers("127.0.0.1", port)
+        assert connections.answers("127.0.0.1", port)
         if listening:  # address and port in hexadecimal, where the system tells
             assert f"0100007F:{port:04X}" in listening and f"00000000:{port:04X}" not in listening
     assert held == [True]
@@ -244,10 +245,10 @@ def test_a_viewer_that_cannot_start_is_an_error(tmp_path: Path, monkeypatch: pyt
     dud = tmp_path / "rerun"
     dud.write_text("#!/bin/sh\nexit 7\n")
     dud.chmod(0o755)
-    monkeypatch.setattr(sinks, "viewer_binary", lambda: dud)
+    monkeypatch.setattr(connections, "viewer_binary", lambda: dud)
     with pytest.raises(PfslamError, match="status 7"), open_sinks(spawn=True):
         pass
-    monkeypatch.setattr(sinks, "viewer_binary", lambda: tmp_path / "absent")
+    monkeypatch.setattr(connections, "viewer_binary", lambda: tmp_path / "absent")
     with pytest.raises(PfslamError, match="cannot be started"), open_sinks(spawn=True):
         pass
 
@@ -331,8 +332,8 @@ def test_a_spawned_viewer_shows_the_run_and_outlives_it(tmp_path: Path, monkeypa
     wrapper, number = tmp_path / "rerun", tmp_path / "pid"
     wrapper.write_text(f'#!/bin/sh\necho $$ > "{number}"\nexec "{viewer_binary()}" --headless "$@"\n')
     wrapper.chmod(0o755)
-    monkeypatch.setattr(sinks, "viewer_binary", lambda: wrapper)
-    monkeypatch.setattr(sinks, "PORT", free_port())
+    monkeypatch.setattr(connections, "viewer_binary", lambda: wrapper)
+    monkeypatch.setattr(connections, "PORT", free_port())
     try:
         with open_sinks(spawn=True, save=tmp_path / "out.rrd", name="a run") as sink:
             send(sink, 0)
@@ -340,7 +341,7 @@ def test_a_spawned_viewer_shows_the_run_and_outlives_it(tmp_path: Path, monkeypa
     except PfslamError as error:
         pytest.skip(f"no viewer can run here: {error}")
     try:
-        client = ViewerClient.connect(f"rerun+http://127.0.0.1:{sinks.PORT}/proxy")
+        client = ViewerClient.connect(f"rerun+http://127.0.0.1:{connections.PORT}/proxy")
         deadline = time.monotonic() + 20
         ends: list[int | None] = []
         while 49 not in ends and time.monotonic() < deadline:

@@ -16,8 +16,8 @@ from urllib.parse import quote
 
 import pytest
 
+from pfslam_viz.viewer.connections import free_port, viewer_binary
 from pfslam_viz.viewer.headless import running
-from pfslam_viz.viewer.sinks import free_port, viewer_binary
 
 pytestmark = pytest.mark.slow
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.slam.graph.pose_graph import Constraints, turned
-from pfslam_viz.slam.graph.scan_store import Matches, ScanStore
+from pfslam_viz.slam.graph.scan_store import ScanStore, trusted
 from pfslam_viz.slam.graph.settings import LoopClosingConfig
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ def find_loops(scans: ScanStore, poses: Array, config: LoopClosingConfig) -> lis
     matched = scans.match(
         start, end, guesses, prior, gates, stride=config.match_stride, iterations=config.match_iterations
     )
-    good = _confirmed(matched, guesses, config)
+    good = trusted(matched, guesses, config)
     good &= _agreed(poses, start, end, matched.poses, good, config)
     information = config.temper * turned(matched.information, matched.poses[:, 2])
     robust = np.zeros(int(good.sum()), np.bool_)
@@ -155,7 +155,8 @@ def blurred(points: Array, centre: Array, half: float, cell: float, blur: float)
 def overlay(field: Field, centre: Array, points: Array, turns: Array, steps: int) -> Field:
     """Mean of the field under ``points`` (m, 2), turned about ``centre`` and moved by up to +-``steps`` cells.
 
-    All in cells. Returns (turns, 2 steps + 1, 2 steps + 1): rows are shifts along y, columns along x.
+    All in cells. Returns (turns, 2 steps + 1, 2 steps + 1): rows are shifts along y, columns along x. The plain twin is
+    in ``tests/slam/graph/test_loop_closing.py``.
     """
     n = field.shape[0]
     width = 2 * steps + 1
@@ -172,16 +173,6 @@ def overlay(field: Field, centre: Array, points: Array, turns: Array, steps: int
                     out[t, i, j] += field[row + i, column + j]
     out /= np.float32(len(points))
     return out
-
-
-def _confirmed(matched: Matches, guesses: Array, config: LoopClosingConfig) -> NDArray[np.bool_]:
-    moved = geometry.between(guesses, matched.poses)
-    return (
-        (matched.overlap > config.overlap)
-        & (matched.distance < config.distance)
-        & (np.hypot(moved[:, 0], moved[:, 1]) < config.longest_shift)
-        & (np.abs(moved[:, 2]) < config.largest_turn)
-    )
 
 
 def _agreed(
@@ -204,6 +195,7 @@ def _agreed(
     correction = geometry.compose(to, geometry.between(poses[end], np.zeros(3)))
     predicted = geometry.compose(correction[:, None], poses[end][None])
     missed = geometry.between(predicted, np.broadcast_to(to[None], predicted.shape))
-    same = np.hypot(missed[..., 0], missed[..., 1]) < config.confirm_distance
+    same: NDArray[np.bool_] = np.hypot(missed[..., 0], missed[..., 1]) < config.confirm_distance
     same &= np.abs(missed[..., 2]) < config.confirm_angle
-    return (near & same).any(axis=1)
+    confirmed: NDArray[np.bool_] = (near & same).any(axis=1)
+    return confirmed

@@ -1,6 +1,8 @@
 """Sparse robust least squares over SE(2) poses and the constraints between them: the pose graph.
 
-Gauss-Newton on the graph of Lu & Milios (1997), as in Grisetti et al. (2010), with iteratively reweighted constraints.
+Gauss-Newton on the graph of Lu & Milios (1997), as in Grisetti et al. (2010). Before every step each robust constraint
+is given its robust weight (:func:`weights`): it counts for less the more it disagrees with the poses, so that a false
+one does little harm.
 """
 
 from dataclasses import dataclass
@@ -22,7 +24,7 @@ class Constraints:
     """k measured increments: ``measured`` (k, 3) is pose ``end`` (k,) in the frame of pose ``start`` (k,).
 
     ``information`` (k, 3, 3) is the inverse covariance, in the frame of the measured pose; a constraint with ``robust``
-    (k,) loses its say as it disagrees, the others do not.
+    (k,) counts for less the more it disagrees, the others always count in full.
     """
 
     start: Indices
@@ -59,9 +61,10 @@ class Constraints:
 def turned(information: NDArray[Any], heading: Array | float) -> Array:
     """Information (..., 3, 3) on a pose, brought from the axes of its reference to its own, at ``heading`` rad."""
     c, s = np.cos(heading), np.sin(heading)
-    r = np.zeros((*np.shape(heading), 3, 3))
+    r: Array = np.zeros((*np.shape(heading), 3, 3))
     r[..., 0, 0], r[..., 0, 1], r[..., 1, 0], r[..., 1, 1], r[..., 2, 2] = c, -s, s, c, 1.0
-    return np.swapaxes(r, -1, -2) @ information @ r
+    own: Array = np.swapaxes(r, -1, -2) @ information @ r
+    return own
 
 
 def residuals(poses: Array, constraints: Constraints) -> Array:
@@ -70,7 +73,7 @@ def residuals(poses: Array, constraints: Constraints) -> Array:
 
 
 def weights(poses: Array, constraints: Constraints, scale: float) -> Array:
-    """(k,) in (0, 1]: Geman-McClure on the Mahalanobis distance, ``scale`` sigmas wide; 1 where not robust."""
+    """The robust weights (k,) in (0, 1]: Geman-McClure on the Mahalanobis distance, ``scale`` sigmas wide; else 1."""
     e = residuals(poses, constraints)
     square = np.einsum("ki,kij,kj->k", e, constraints.information, e)
     return np.where(constraints.robust, 1.0 / (1.0 + square / scale**2) ** 2, 1.0)

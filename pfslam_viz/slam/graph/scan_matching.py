@@ -1,8 +1,9 @@
 """Scan against scan: point-to-line ICP (Censi 2008) with correspondences looked up by bearing.
 
 Scans keep the order of their beams, so the neighbours of a bearing are neighbours in the array, and a match costs a few
-look-ups a point instead of a search. The plain NumPy twin, which searches among all points, is in
-``tests/slam/graph/test_scan_matching.py``.
+look-ups a point instead of a search. An end point's partner is the nearest point of the other scan, if it lies within
+the gate: a greatest distance, wide at first and narrower with every iteration. The plain NumPy twin, which searches
+among all points, is in ``tests/slam/graph/test_scan_matching.py``.
 """
 
 import math
@@ -124,9 +125,9 @@ def match_pairs(
         ahead = 0.5 * (bearings[r0] + bearings[r1 - 1])
         for iteration in range(iterations + 1):
             gate = gates[min(iteration, len(gates) - 1)]
-            width = max(rules.robust_noise * rules.noise, gate / rules.robust_gate)  # of the robust (Cauchy) weight
+            width = max(rules.robust_noise * rules.noise, gate / rules.robust_gate)  # of the robust weight (Cauchy's)
             c, s = math.cos(heading), math.sin(heading)
-            h[:, :] = 0.0
+            h[:, :] = 0.0  # information and gradient of the scans: one Gauss-Newton step
             g[:] = 0.0
             partners, used, sum_distance, middle = 0, 0, 0.0, r0
             for b in range(q0, q1, stride):
@@ -154,15 +155,16 @@ def match_pairs(
                     continue
                 nx, ny = normals[at, 0], normals[at, 1]
                 if nx == 0.0 and ny == 0.0:
-                    continue
+                    continue  # the partner lies on no wall
                 mx, my = normals[b, 0], normals[b, 1]
                 if (mx != 0.0 or my != 0.0) and nx * (c * mx - s * my) + ny * (s * mx + c * my) < rules.facing:
                     continue  # the other side of a wall, or another wall
+                # The distance from the partner's wall, its robust weight, and how it changes with the heading
                 e = nx * (px - points[at, 0]) + ny * (py - points[at, 1])
-                partners += 1
-                sum_distance += abs(e)
                 w = 1.0 / (1.0 + (e / width) ** 2) / (rules.noise * rules.noise)
                 jt = -nx * oy + ny * ox
+                partners += 1
+                sum_distance += abs(e)
                 h[0, 0] += w * nx * nx
                 h[0, 1] += w * nx * ny
                 h[0, 2] += w * nx * jt
@@ -179,14 +181,13 @@ def match_pairs(
             information[k] = h
             if iteration == iterations or partners < rules.fewest_points:
                 break
-            a = h.copy()
-            gx = g.copy()
-            gx[0] += prior[0] * (x - guesses[k, 0])
-            gx[1] += prior[1] * (y - guesses[k, 1])
-            gx[2] += prior[2] * (heading - guesses[k, 2])
-            for d3 in range(3):
-                a[d3, d3] += prior[d3]
-            step = np.linalg.solve(a, gx)
+            held, pull = h.copy(), g.copy()  # information and gradient with the prior's
+            pull[0] += prior[0] * (x - guesses[k, 0])
+            pull[1] += prior[1] * (y - guesses[k, 1])
+            pull[2] += prior[2] * (heading - guesses[k, 2])
+            for axis in range(3):
+                held[axis, axis] += prior[axis]
+            step = np.linalg.solve(held, pull)
             x -= step[0]
             y -= step[1]
             heading -= step[2]

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pfslam_viz import geometry
 from pfslam_viz.slam.graph.scan_matching import MatchingRules, match_pairs
-from pfslam_viz.slam.graph.settings import ScanMatchingConfig
+from pfslam_viz.slam.graph.settings import LoopClosingConfig, ScanMatchingConfig, SmoothingConfig
 from pfslam_viz.slam.graph.walls import describe
 from pfslam_viz.slam.worker import Worker
 
@@ -30,6 +31,21 @@ class Matches:
     information: Array
     overlap: Array
     distance: Array
+
+    def pick(self, which: list[int]) -> "Matches":
+        """Those at the positions ``which``."""
+        return Matches(self.poses[which], self.information[which], self.overlap[which], self.distance[which])
+
+
+def trusted(found: Matches, guesses: Array, limits: SmoothingConfig | LoopClosingConfig) -> NDArray[np.bool_]:
+    """Which matches (k,) are good enough, and near enough to their guesses (k, 3), to be believed."""
+    moved = geometry.between(guesses, found.poses)
+    return (
+        (found.overlap > limits.overlap)
+        & (found.distance < limits.distance)
+        & (np.hypot(moved[:, 0], moved[:, 1]) < limits.longest_shift)
+        & (np.abs(moved[:, 2]) < limits.largest_turn)
+    )
 
 
 class ScanStore:
@@ -92,7 +108,7 @@ class ScanStore:
         if self._count + 2 > len(self._first):
             self._first = np.concatenate([self._first, np.zeros_like(self._first)])
         rows = self._rows[start:end]
-        describe(points, self.lidar_position, c.wall_reach, c.wall_neighbours, c.wall_flatness, rows)
+        describe(points, self.lidar_position, c.wall_reach, c.wall_spacings, c.wall_neighbours, c.wall_flatness, rows)
         self._count += 1
         self._first[self._count] = end
 

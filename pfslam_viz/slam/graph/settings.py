@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from pfslam_viz.settings import Section, setting
+from pfslam_viz.settings import Config, Section, setting
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Hop = Annotated[int, Field(ge=1)]
@@ -14,7 +14,10 @@ class ScanMatchingConfig(Section):
     """Point-to-line ICP between two scans (Censi 2008)."""
 
     most_points: int = setting(400, "end points of a scan that are kept, evenly", ge=10)
-    wall_reach: float = setting(0.3, "neighbours this near tell a wall's direction", "m", gt=0)
+    wall_reach: float = setting(0.3, "neighbours this near tell a wall's direction ...", "m", gt=0)
+    wall_spacings: float = setting(
+        3.0, "... or so many times the distance between neighbouring beams there, if that is more", gt=0
+    )
     wall_neighbours: int = setting(20, "neighbours to either side that tell it, at most", ge=1, le=1000)
     wall_flatness: float = setting(
         0.1, "neighbours are a wall if the smaller eigenvalue of their spread is at most this share of the larger",
@@ -64,12 +67,30 @@ class SmoothingConfig(Section):
     iterations: int = setting(8, "of relaxing the graph, at most", ge=1, le=100)
     settled_distance: float = setting(5e-4, "relaxing stops when no pose moves by more ...", "m", gt=0)
     settled_angle: float = setting(1e-4, "... or turns by more", "rad", gt=0)
-    wheels_driven: float = setting(0.05, "the wheels' scale is told by key scans this far apart ...", "m", gt=0)
-    wheels_known: float = setting(
-        0.2, "... of whose information on the position at least this share is along the way ...", ge=0, le=1
-    )
-    wheels_pairs: int = setting(30, "... if there are so many of them", ge=1)
-    wheels_limits: tuple[Positive, Positive] = setting((0.8, 1.25), "another scale than within these is not believed")
+
+
+class FilterConstraintsConfig(Section):
+    """The filter's own increments between key scans, as robust constraints of the pose graph."""
+
+    least_angle: float = setting(0.005, "error of the heading at least ...", "rad", gt=0)
+    noise_angle: float = setting(0.02, "... and so much more per rad turned", gt=0)
+    least_distance: float = setting(0.1, "error of the position across walls at least ...", "m", gt=0)
+    noise_distance: float = setting(0.05, "... and so much more per m driven", gt=0)
+    least_share: float = setting(0.1, "share of the walls below which an increment says nothing along them", ge=0, lt=1)
+    fewest_walls: int = setting(10, "end points on walls that a scan needs to say anything", ge=1)
+
+
+class OdometryConfig(Section):
+    """How far the odometry is to be believed, found out from what the scans say of the same motion."""
+
+    memory: int = setting(200, "motions that are remembered while driving", ge=1)
+    prior_motions: int = setting(20, "motions that the noise in the settings counts as", ge=1)
+    least_noise: float = setting(0.1, "times the noise in the settings, at least", gt=0)
+    most_noise: float = setting(1.5, "times the noise in the settings, at most", gt=0)
+    scale_driven: float = setting(0.05, "a motion this long tells the wheels' scale ...", "m", gt=0)
+    scale_known: float = setting(0.2, "... if the scans know every direction by this share", ge=0, lt=0.5)
+    scale_motions: int = setting(20, "motions that have to tell it", ge=1)
+    largest_scale: float = setting(1.25, "a scale above this, or below its inverse, is not believed", gt=1)
 
 
 class LoopClosingConfig(Section):
@@ -113,3 +134,13 @@ class LoopClosingConfig(Section):
         0.5, "robust weight above which a match holds while the graph is pulled together", ge=0, lt=1
     )
     gain: float = setting(5.0, "matches by which the graph must agree better with a loop closed", ge=0)
+
+
+class GraphConfig(Config):
+    """What the pose graph of a back end reads: mix it into the back end's settings."""
+
+    scan_matching: ScanMatchingConfig = ScanMatchingConfig()
+    odometry: OdometryConfig = OdometryConfig()
+    filter_constraints: FilterConstraintsConfig = FilterConstraintsConfig()
+    smoothing: SmoothingConfig = SmoothingConfig()
+    loop_closing: LoopClosingConfig = LoopClosingConfig()

@@ -3,18 +3,19 @@
 Graph-based SLAM as in Lu & Milios (1997) and Konolige et al. (2010), started from the particle filter's trajectory.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
+from pfslam_viz.slam.graph.filter_constraints import filter_constraints
 from pfslam_viz.slam.graph.loop_closing import find_loops
+from pfslam_viz.slam.graph.odometry_errors import OdometryErrors
 from pfslam_viz.slam.graph.pose_graph import Constraints, optimize, turned, weights
-from pfslam_viz.slam.graph.scan_store import Matches, ScanStore
-from pfslam_viz.slam.graph.settings import LoopClosingConfig, SmoothingConfig
+from pfslam_viz.slam.graph.scan_store import ScanStore, trusted
+from pfslam_viz.slam.graph.settings import GraphConfig, SmoothingConfig
+from pfslam_viz.slam.graph.visits import earlier_visits
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -31,13 +32,17 @@ class Smoothed:
 class Smoother:
     """The pose graph over one recording's key scans.
 
-    ``odometry`` (k, 3) leads from every key scan to the next; row 0 is not used.
+    ``odometry`` (k, 3) leads from every key scan to the next; row 0 is not used. ``unknown`` (k, 3) m, m, rad is by how
+    much it may be wrong besides its noise, where the odometry knew nothing.
     """
 
-    def __init__(self, scans: ScanStore, odometry: Array, config: SmoothingConfig, loops: LoopClosingConfig) -> None:
-        self.scans, self.config, self.loops = scans, config, loops
+    def __init__(self, scans: ScanStore, odometry: Array, config: GraphConfig, unknown: Array | None = None) -> None:
+        self.scans, self.config, self.loops = scans, config.smoothing, config.loop_closing
+        self._settings = config
         self._odometry = odometry
-        self._motion = odometry_constraints(odometry, config)
+        self._unknown = np.zeros_like(odometry) if unknown is None else unknown
+        self._motion = odometry_constraints(odometry, self.config, self._unknown)
+        self._filter: Constraints | None = None
 
     def smooth(self, poses: Array) -> Smoothed:
         """The key poses that agree best with all matches between neighbouring key scans and with the odometry.
@@ -49,8 +54,10 @@ class Smoother:
         if len(poses) < 3:
             return Smoothed(poses, closed)
         gates = np.array(self.config.gates)
+        self._filter = filter_constraints(self.scans, poses, self._settings.filter_constraints)
         poses, _ = self.relax(poses, np.array(self.config.first_gates))
-        self._motion = odometry_constraints(self._odometry * [*2 * [self.wheel_scale(poses)], 1.0], self.config)
+        scale = self.odometry_errors(poses).scale
+        self._motion = odometry_constraints(self._odometry * [scale, scale, 1.0], self.config, self._unknown)
         poses, support = self.relax(poses, gates)
         if self.loops.enabled:
             for _ in range(self.loops.searches):
@@ -68,34 +75,31 @@ class Smoother:
         return Smoothed(poses, closed)
 
     def relax(self, poses: Array, gates: Array) -> tuple[Array, float]:
-        """Match all neighbours and relax the graph once: poses (k, 3), and how many constraints agree with them."""
+        """Match all neighbours and relax the graph once: poses (k, 3), and the sum of all constraints' weights."""
         matched = match(self.scans, poses, neighbouring(poses, self.config), gates, self.config)
-        constraints = Constraints.join([self._motion, matched])
+        constraints = Constraints.join([*self._driven(), matched])
         poses = self._optimize(poses, constraints, self.config.iterations)
         return poses, float(weights(poses, constraints, self.config.scale).sum())
 
-    def wheel_scale(self, poses: Array) -> float:
-        """Metres driven per metre that the odometry says: the median where successive scans can tell; else 1.
+    def _driven(self) -> list[Constraints]:
+        """What is known of the motion from key scan to key scan without matching scans with each other."""
+        return [self._motion] if self._filter is None else [self._motion, self._filter]
+
+    def odometry_errors(self, poses: Array) -> OdometryErrors:
+        """The wheels' scale and the odometry's noise, from all successive key scans that can tell.
 
         A worn or badly measured wheel is wrong by the same share everywhere. Where a corridor leaves the scans no say,
         the odometry then says what it says elsewhere, corrected.
         """
         successive = np.stack([np.arange(len(poses) - 1), np.arange(1, len(poses))], axis=-1)
         found = match(self.scans, poses, successive, np.array(self.config.gates), self.config)
-        wheels = self._odometry[found.end, :2]
-        driven = np.hypot(wheels[:, 0], wheels[:, 1])
-        ahead = wheels / np.maximum(driven, 1e-9)[:, None]
-        known = np.einsum("ki,kij,kj->k", ahead, found.information[:, :2, :2], ahead)
-        c = self.config
-        both = np.trace(found.information[:, :2, :2], axis1=1, axis2=2)
-        usable = (driven > c.wheels_driven) & (known > c.wheels_known * both)
-        if usable.sum() < c.wheels_pairs:
-            return 1.0
-        scale = float(np.median(np.einsum("ki,ki->k", found.measured[usable, :2], ahead[usable]) / driven[usable]))
-        return scale if c.wheels_limits[0] < scale < c.wheels_limits[1] else 1.0
+        found = found.pick(np.flatnonzero(~self._unknown[found.end].any(axis=1)))
+        deviation = odometry_deviation(self._odometry[1:], self.config)[found.start]
+        config = self._settings.odometry
+        return OdometryErrors.of(config, self._odometry[found.end], found.measured, found.information, deviation)
 
     def close(self, poses: Array, loop: Constraints) -> tuple[Array, float]:
-        """Pull the graph together at ``loop``, then let it relax without: poses (k, 3) and what agrees with them."""
+        """Pull the graph together at ``loop``, then let it relax without: as :meth:`relax`."""
         c = self.config
         first_gates, gates = np.array(c.first_gates), np.array(c.gates)
         matched = match(self.scans, poses, neighbouring(poses, c), gates, c)
@@ -103,7 +107,7 @@ class Smoother:
         chain = matched.end - matched.start <= max(c.hops)
         firm = matched.pick(np.flatnonzero(chain & sound)).firm()  # what joins successive scans bends, it does not snap
         visits = matched.pick(np.flatnonzero(~chain))
-        pulled = Constraints.join([self._motion, firm, visits, loop])
+        pulled = Constraints.join([*self._driven(), firm, visits, loop])
         poses = self._optimize(poses, pulled, 2 * c.iterations)  # a pull from far takes longer
         poses, _ = self.relax(poses, first_gates)
         return self.relax(poses, gates)
@@ -128,39 +132,6 @@ def neighbouring(poses: Array, config: SmoothingConfig) -> Indices:
     return np.concatenate(pairs)
 
 
-@njit(cache=True, nogil=True)
-def earlier_visits(poses: Array, radius: float, apart: int, most: int, turn_length: float) -> Indices:
-    """Pairs (p, 2): for every key scan up to ``most`` earlier ones within ``radius`` m, the nearest of each visit.
-
-    A rad between their headings counts as ``turn_length`` m. The plain twin is in the tests.
-    """
-    n = len(poses)
-    found = np.empty((n * most, 2), np.int64)
-    away = np.empty(n)
-    count = 0
-    for later in range(n):
-        last = later - apart
-        any_near = False
-        for k in range(last):
-            dx, dy = poses[k, 0] - poses[later, 0], poses[k, 1] - poses[later, 1]
-            if dx * dx + dy * dy > radius * radius:
-                away[k] = np.inf
-                continue
-            turn = abs(poses[k, 2] - poses[later, 2]) % (2.0 * math.pi)
-            away[k] = math.hypot(dx, dy) + turn_length * min(turn, 2.0 * math.pi - turn)
-            any_near = True
-        if not any_near:
-            continue
-        for _ in range(most):
-            nearest = int(np.argmin(away[:last]))
-            if not away[nearest] < np.inf:
-                break
-            found[count, 0], found[count, 1] = nearest, later
-            count += 1
-            away[max(0, nearest - apart // 2) : min(last, nearest + apart // 2 + 1)] = np.inf
-    return found[:count].copy()
-
-
 def match(scans: ScanStore, poses: Array, pairs: Indices, gates: Array, config: SmoothingConfig) -> Constraints:
     """The pairs (p, 2) that match: as constraints, robust, tempered; the others are left out."""
     start, end = pairs[:, 0], pairs[:, 1]
@@ -173,24 +144,24 @@ def match(scans: ScanStore, poses: Array, pairs: Indices, gates: Array, config: 
     return Constraints(start[good], end[good], found.poses[good], information[good], np.ones(good.sum(), np.bool_))
 
 
-def trusted(found: Matches, guesses: Array, config: SmoothingConfig) -> NDArray[np.bool_]:
-    """Which matches (k,) are good enough, and near enough to their guesses (k, 3), to be believed."""
-    moved = geometry.between(guesses, found.poses)
-    return (
-        (found.overlap > config.overlap)
-        & (found.distance < config.distance)
-        & (np.hypot(moved[:, 0], moved[:, 1]) < config.longest_shift)
-        & (np.abs(moved[:, 2]) < config.largest_turn)
-    )
-
-
-def odometry_constraints(odometry: Array, config: SmoothingConfig) -> Constraints:
-    """The odometry (k, 3) from every key scan to the next: what holds where the scans leave a direction open."""
-    steps = odometry[1:]
+def odometry_deviation(steps: Array, config: SmoothingConfig) -> Array:
+    """The noise (k, 3) m, m, rad that the settings expect of odometry steps (k, 3)."""
     driven, turned_by = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2])
     deviation = np.empty_like(steps)
     deviation[:, 0] = deviation[:, 1] = config.least + config.noise_distance * driven
     deviation[:, 2] = config.least + config.noise_angle * turned_by + config.noise_drift * driven
+    return deviation
+
+
+def odometry_constraints(odometry: Array, config: SmoothingConfig, unknown: Array | None = None) -> Constraints:
+    """The odometry (k, 3) from every key scan to the next: what holds where the scans leave a direction open.
+
+    ``unknown`` (k, 3) m, m, rad is added to its noise.
+    """
+    steps = odometry[1:]
+    deviation = odometry_deviation(steps, config)
+    if unknown is not None:
+        deviation += unknown[1:]
     information = np.zeros((len(steps), 3, 3))
     information[:, [0, 1, 2], [0, 1, 2]] = deviation**-2
     at = np.arange(len(steps))

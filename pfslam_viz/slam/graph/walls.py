@@ -27,15 +27,35 @@ def within(points: Floats, center: Floats, distance: float) -> Floats:
 
 
 @njit(cache=True, nogil=True)
-def wall_normals(points: Floats, lidar_position: Floats, reach: float, neighbours: int, flatness: float) -> Floats:
-    """Unit normals (m, 2), towards the lidar, of the wall through each end point and its neighbours in ``reach`` m.
+def beam_increment(points: Floats, lidar_position: Floats) -> float:
+    """The median angle between successive end points (m, 2) as seen from the lidar, rad; 0 for fewer than two."""
+    if len(points) < 2:
+        return 0.0
+    turns = np.empty(len(points) - 1)
+    for b in range(len(points) - 1):
+        ax, ay = points[b, 0] - lidar_position[0], points[b, 1] - lidar_position[1]
+        bx, by = points[b + 1, 0] - lidar_position[0], points[b + 1, 1] - lidar_position[1]
+        turns[b] = abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by))
+    return float(np.median(turns))
 
-    At most so many ``neighbours`` to either side count. Zero where fewer than two lie there, or where they do not form
-    a line: where the smaller eigenvalue of their covariance is more than ``flatness`` of the larger.
+
+@njit(cache=True, nogil=True)
+def wall_normals(
+    points: Floats, lidar_position: Floats, reach: float, spacings: float, neighbours: int, flatness: float
+) -> Floats:
+    """Unit normals (m, 2), towards the lidar, of the wall through each end point and its neighbours.
+
+    Those within ``reach`` m count, or within ``spacings`` times the distance between beams there if that is more, since
+    far walls have their end points far apart. At most so many ``neighbours`` to either side count. Zero where fewer
+    than two lie there, or where they do not form a line: where the smaller eigenvalue of their covariance is more than
+    ``flatness`` of the larger.
     """
     m = len(points)
     out = np.zeros((m, 2))
+    increment = beam_increment(points, lidar_position)
     for b in range(m):
+        away = math.hypot(points[b, 0] - lidar_position[0], points[b, 1] - lidar_position[1])
+        near = max(reach, spacings * away * increment)
         n = 1
         sx, sy = points[b, 0], points[b, 1]
         sxx, sxy, syy = sx * sx, sx * sy, sy * sy
@@ -44,7 +64,7 @@ def wall_normals(points: Floats, lidar_position: Floats, reach: float, neighbour
             reached = 0
             while 0 <= k < m and reached < neighbours:
                 dx, dy = points[k, 0] - points[b, 0], points[k, 1] - points[b, 1]
-                if dx * dx + dy * dy > reach * reach:
+                if dx * dx + dy * dy > near * near:
                     break
                 sx += points[k, 0]
                 sy += points[k, 1]
@@ -72,7 +92,13 @@ def wall_normals(points: Floats, lidar_position: Floats, reach: float, neighbour
 
 @njit(cache=True, nogil=True)
 def describe(
-    points: Floats, lidar_position: Floats, reach: float, neighbours: int, flatness: float, rows: Singles
+    points: Floats,
+    lidar_position: Floats,
+    reach: float,
+    spacings: float,
+    neighbours: int,
+    flatness: float,
+    rows: Singles,
 ) -> None:
     """Fill a scan's ``rows`` (m, 5): its end points, their :func:`wall_normals`, and their bearings from the lidar.
 
@@ -80,7 +106,7 @@ def describe(
     apart.
     """
     rows[:, :2] = points
-    rows[:, 2:4] = wall_normals(points, lidar_position, reach, neighbours, flatness)
+    rows[:, 2:4] = wall_normals(points, lidar_position, reach, spacings, neighbours, flatness)
     turns, last = 0.0, 0.0
     for b in range(len(points)):
         bearing = math.atan2(points[b, 1] - lidar_position[1], points[b, 0] - lidar_position[0])

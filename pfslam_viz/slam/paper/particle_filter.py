@@ -30,8 +30,8 @@ class ParticleFilter(Belief):
         self._weights = self._weighed[1]
         self._online: list[Array] = []
 
-    def predict(self, increment: Array, dt: float) -> None:
-        """Move every particle by the odometry, with noise of its own: (13), (17) to (19)."""
+    def predict(self, increment: Array, dt: float, known: bool = True) -> None:
+        """Move every particle by the odometry, with noise of its own: (13), (17) to (19); known or not."""
         self._particles = motion.predict(self._particles, increment, dt, self.config.motion, self._rng)
 
     def update(self, scan: Scan) -> None:

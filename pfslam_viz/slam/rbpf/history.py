@@ -16,26 +16,29 @@ class History:
         self.keys: list[int] = []  # position of every key scan among the scans so far
         self._poses: list[Array] = []
         self._parents: list[Indices] = []
-        self._carried: Indices = np.arange(count)
-        self._key_of: list[int] = []
-        self._offsets: list[Array] = []
-        self._odometry: list[Array] = []
-        self._moved: list[Array] = []
+        self._carried: Indices = np.arange(count)  # who each particle was at the last key scan
+        self._key_of: list[int] = []  # number of the last key scan, for every scan
+        self._offsets: list[Array] = []  # from that key scan, for every scan
+        self._odometry: list[Array] = []  # from key scan to key scan
+        self._moved: list[Array] = []  # the same, corrected by matching the scans
+        self._unknown: list[float] = []  # s without odometry from key scan to key scan
 
     def __len__(self) -> int:
         """How many key scans there are."""
         return len(self._poses)
 
-    def add_key(self, poses: Array, odometry: Array, moved: Array) -> None:
+    def add_key(self, poses: Array, odometry: Array, moved: Array, unknown: float = 0.0) -> None:
         """A scan was used, with the particles at ``poses`` (N, 3).
 
-        ``odometry`` (3,) led there from the key scan before, ``moved`` (3,) is what scan matching made of it. Call it
+        ``odometry`` (3,) led there from the key scan before, ``moved`` (3,) is what scan matching made of it;
+        ``unknown`` s of the time in between the odometry did not know. Call it
         before :meth:`add_scan`.
         """
         self.keys.append(len(self._key_of))
         self._poses.append(poses.copy())
         self._odometry.append(odometry)
         self._moved.append(moved)
+        self._unknown.append(unknown)
         self._parents.append(self._carried)
         self._carried = np.arange(len(poses))
 
@@ -77,3 +80,7 @@ class History:
     def odometry(self) -> Array:
         """(keys, 3) the odometry that led from the key scan before to each key scan; zero for the first."""
         return np.array(self._odometry).reshape(-1, 3)
+
+    def unknown(self) -> Array:
+        """(keys, 1) s before each key scan of which the odometry knows nothing."""
+        return np.array(self._unknown)[:, None]

@@ -1,8 +1,10 @@
 """The improved proposal of Grisetti, Stachniss & Burgard (2007): match the scan, then look round the optimum.
 
-For every particle the posterior of the pose, log p(scan | map, pose) + log p(pose | odometry), is climbed from the
-odometry's pose; poses sampled round the optimum then give its mean, covariance and the evidence that weighs the
-particle.
+A proposal is the distribution that a particle's new pose comes from. The plain one is the motion alone; the improved
+one has seen the scan too. For every particle the posterior of the pose, log p(scan | map, pose) + log p(pose | motion),
+is climbed from the pose by motion; poses sampled round the optimum then give its mean, where the particle goes, and the
+evidence p(scan | map, motion), which weighs the particle. The plain twin of the search is in
+``tests/slam/rbpf/test_proposal.py``.
 """
 
 import math
@@ -32,7 +34,7 @@ def _log_posterior(
     c, s = math.cos(guess[2]), math.sin(guess[2])
     dx, dy = x - guess[0], y - guess[1]
     a, b, t = c * dx + s * dy, c * dy - s * dx, heading - guess[2]
-    square = prior[0, 0] * a * a + prior[1, 1] * b * b + prior[2, 2] * t * t
+    square: float = prior[0, 0] * a * a + prior[1, 1] * b * b + prior[2, 2] * t * t
     square += 2.0 * (prior[0, 1] * a * b + prior[0, 2] * a * t + prior[1, 2] * b * t)
     return temper * agreement(table, field, origin, cell, points, x, y, heading) - 0.5 * square
 
@@ -57,9 +59,9 @@ def propose(
 
     ``guesses`` (N, 3) are the poses by motion alone, ``prior`` (3, 3) its information in the frame of the guess.
     The coordinate search goes forth and back along x, y and heading in turn, at most ``moves`` times with one step; it
-    starts with ``steps`` (2,) m and rad and halves them ``halvings`` times. ``normals`` (N, S, 3) are
-    standard normal draws scaled by ``spread`` (2,) m and rad round the optimum. Returns the mean of
-    the posterior round the optimum (N, 3) and the log-evidence (N,).
+    starts with ``steps`` (2,) m and rad and halves them ``halvings`` times. ``normals`` (N, S, 3) are standard normal
+    draws, scaled by ``spread`` (2,) m and rad round the optimum. Returns the mean of the posterior round the optimum
+    (N, 3) and the log-evidence (N,).
     """
     n, samples = normals.shape[0], normals.shape[1]
     means = np.empty((n, 3))

@@ -1,5 +1,6 @@
 """The filter with a map per particle: Rao-Blackwellized SLAM (Doucet et al. 2000; Grisetti et al. 2007)."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,9 +9,10 @@ from numpy.typing import NDArray
 from pfslam_viz import geometry
 from pfslam_viz.slam import kernels, resampling
 from pfslam_viz.slam.belief import Belief
+from pfslam_viz.slam.graph.odometry_errors import OdometryErrors
 from pfslam_viz.slam.graph.pose_graph import turned
 from pfslam_viz.slam.graph.scan_matching import open_direction
-from pfslam_viz.slam.graph.scan_store import ScanStore
+from pfslam_viz.slam.graph.scan_store import Matches, ScanStore
 from pfslam_viz.slam.graph.smoothing import Smoother
 from pfslam_viz.slam.graph.walls import within
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
@@ -64,10 +66,14 @@ class RaoBlackwellizedFilter(Belief):
         self._closures: tuple[LoopClosure, ...] = ()
         self._odometry = np.zeros(3)  # since the last key scan
         self._moved = np.zeros(3)  # the same, corrected by matching the scans
-        self._still = True
-        self._keyed = False
+        self._still = True  # since the scan before
+        self._errors = OdometryErrors(config.odometry)
+        self._unknown = 0.0  # s since the last key scan of which the odometry says nothing
+        self._velocity = np.zeros(3)  # m/s, m/s, rad/s as the scans saw it, in the robot's frame
+        self._before, self._dt = self._moved, 0.0  # as it was at the scan before, and s since then
+        self._keyed = False  # whether the last scan is a key scan
         self._leader = 0  # the most likely particle, or its first descendant
-        self._driven = self._turned = 0.0
+        self._driven = self._turned = 0.0  # m and rad since the last key scan
         self._grid = BestMap(config.map, self._maps)
 
     @property
@@ -75,15 +81,24 @@ class RaoBlackwellizedFilter(Belief):
         """The most likely particle's map."""
         return self._grid
 
-    def predict(self, increment: Array, dt: float) -> None:
-        """Carry every particle along with the odometry; its noise is drawn when a scan is used."""
-        self._particles = kernels.move(self._particles, increment, np.zeros_like(self._particles))
+    def predict(self, increment: Array, dt: float, known: bool = True) -> None:
+        """Carry every particle along with the odometry; its noise is sampled when a scan is used.
+
+        Where the odometry is not ``known``, the robot is taken to go on as the scans saw it go.
+        """
+        self._before, self._dt = self._moved, dt
+        if not known:
+            self._unknown += max(dt, 0.0)
+            increment = self._velocity * dt
         self._odometry = kernels.compose(self._odometry, increment)
+        if known:
+            increment = increment * np.array([self._errors.scale, self._errors.scale, 1.0])
+        self._particles = kernels.move(self._particles, increment, np.zeros_like(self._particles))
         self._moved = kernels.compose(self._moved, increment)
         step, turn = float(np.hypot(increment[0], increment[1])), abs(float(increment[2]))
         self._driven += step
         self._turned += turn
-        self._still = step < self._settings.still and turn < self._settings.still
+        self._still = known and step < self._settings.still and turn < self._settings.still
 
     def update(self, scan: Scan) -> None:
         """If the robot has moved on, match the scan with every particle's map and weigh the particles by it."""
@@ -91,57 +106,111 @@ class RaoBlackwellizedFilter(Belief):
         first = len(self._history) == 0
         self._keyed = first or self._driven >= s.update_distance or self._turned >= s.update_angle
         self._match, self._informative = None, True
-        if first:
-            self._remember(scan)
-        elif self._keyed or not self._still:
-            self._remember(scan)
+        self._remember(scan)
+        if not first:
             motion = self._match_last()
-            self._moved = motion.increment
+            unseen = self._unseen_by_wheels(motion)
+            lost = self._unknown > 0.0 and motion.overlap < s.scan_good
+            self._keyed = self._keyed or unseen or lost
+            self._follow(motion)
             self._informative = motion.overlap > 0.0
+            if unseen or not self._still:
+                self._moved = motion.increment
             if self._keyed:
                 self._propose(scan, motion)
             else:
                 self._scans.drop_last()
-                self._particles = kernels.move(self._key_particles, self._moved, np.zeros_like(self._key_particles))
+                if not self._still:
+                    self._particles = kernels.move(self._key_particles, self._moved, np.zeros_like(self._key_particles))
         weights = np.exp(self._log_weights - self._log_weights.max())
         self._weigh(weights / weights.sum())
         self._parents, self._ancestors = self._ancestors, np.arange(len(weights))
         if self._keyed:
-            self._history.add_key(self._particles, self._odometry, self._moved)
+            odometry = self._moved if self._unknown else self._odometry
+            self._history.add_key(self._particles, odometry, self._moved, self._unknown)
             self._odometry, self._moved = np.zeros(3), np.zeros(3)
-            self._driven = self._turned = 0.0
+            self._driven = self._turned = self._unknown = 0.0
         self._history.add_scan(self._moved)
+
+    def _follow(self, motion: Motion) -> None:
+        """Take from the scans how the robot goes, in case that the odometry will not say."""
+        if self._dt > 0.0 and motion.overlap >= self._settings.scan_overlap:
+            now = geometry.between(self._before, motion.increment) / self._dt
+            self._velocity = 0.5 * (self._velocity + now)
 
     def _remember(self, scan: Scan) -> None:
         if len(self._scans) == 0:
             self._scans = ScanStore(scan.lidar_position, self.config.scan_matching, self._worker)
         self._scans.add(within(scan.points, scan.lidar_position, self._settings.max_range))
 
+    def _unseen_by_wheels(self, motion: Motion) -> bool:
+        """Whether the scans have moved on by as much as makes a key scan though the odometry says less."""
+        s, (x, y, turn) = self._settings, motion.increment
+        far = math.hypot(x, y) >= s.update_distance or abs(turn) >= s.update_angle
+        return far and motion.overlap > s.scan_good
+
     def _match_last(self) -> Motion:
         """Odometry and scans fused: how the robot moved from the last key scan to the scan that came last."""
         s = self._settings
-        deviation = np.array(
-            [
-                s.least_distance + s.noise_distance * self._driven,
-                s.least_distance + s.noise_distance * self._driven,
-                s.least_angle + s.noise_angle * self._turned + s.noise_drift * self._driven,
-            ]
-        )
-        prior = deviation**-2
-        last = len(self._scans) - 1
-        found = self._scans.match(
-            np.array([last - 1]),
-            np.array([last]),
-            self._moved[None],
-            prior / s.scan_prior**2,
+        least = np.array([s.least_distance, s.least_distance, s.least_angle])
+        position, heading = s.noise_distance * self._driven, s.noise_angle * self._turned + s.noise_drift * self._driven
+        deviation = np.array([position, position, heading])
+        deviation += self._unknown * np.array([s.unknown_speed, s.unknown_speed, s.unknown_turn])
+        known = least + deviation * np.array([self._errors.distance, self._errors.distance, self._errors.angle])
+        prior = known**-2
+        found = self._best_match(np.minimum(prior / s.scan_prior**2, s.scan_loosest**-2.0))
+        overlap = float(found.overlap[0])
+        if overlap < s.scan_overlap or not self._believable(found, known):
+            return Motion(self._moved, np.diag(prior), np.zeros((3, 3)), overlap)
+        if self._keyed and overlap > s.scan_good and not self._unknown:
+            self._errors.add(self._odometry, found.poses[0], found.information[0], least + deviation)
+        return Motion(found.poses[0], np.diag(prior), s.scan_temper * found.information[0], overlap)
+
+    def _best_match(self, hold: Array) -> Matches:
+        """The scan that came last matched with the last key scan, from other headings too if need be.
+
+        ``hold`` (3,) is the information that holds it to where the odometry puts it.
+        """
+        s = self._settings
+        found = self._match_from(self._moved[None], hold)
+        if found.overlap[0] > s.scan_good or not s.scan_turns:
+            return found
+        others = self._match_from(self._moved + np.array(s.scan_turns)[:, None] * np.array([0.0, 0.0, 1.0]), hold)
+        best = int(np.argmax(others.overlap))
+        return others.pick([best]) if others.overlap[best] > found.overlap[0] + s.scan_better else found
+
+    def _match_from(self, starts: Array, hold: Array) -> Matches:
+        s, last = self._settings, len(self._scans) - 1
+        return self._scans.match(
+            np.full(len(starts), last - 1),
+            np.full(len(starts), last),
+            starts,
+            hold,
             np.array(s.scan_gates),
             stride=1 + self._scans.size_of(last) // s.scan_points,
             iterations=s.scan_iterations,
         )
-        overlap = float(found.overlap[0])
-        if overlap < s.scan_overlap:
-            return Motion(self._moved, np.diag(prior), np.zeros((3, 3)), overlap)
-        return Motion(found.poses[0], np.diag(prior), s.scan_temper * found.information[0], overlap)
+
+    def _believable(self, found: Matches, deviation: Array) -> bool:
+        """Whether a match may overrule the odometry, whose noise is ``deviation`` (3,).
+
+        Wheels slip, so their errors have heavy tails (Student's t); but a match that lies far out has to explain so
+        many more end points than the odometry's pose does.
+        """
+        s = self._settings
+        noise = np.array([s.scan_noise_distance, s.scan_noise_distance, s.scan_noise_angle])
+        away = geometry.between(self._moved, found.poses[0]) / np.hypot(deviation, noise)
+        square = float(away @ away)
+        if square < s.scan_near**2:
+            return True
+        last = len(self._scans) - 1
+        gates = np.array(s.scan_gates[-1:])
+        there = self._scans.match(
+            np.array([last - 1]), np.array([last]), self._moved[None], np.ones(3), gates, iterations=0
+        )
+        explained = self._scans.size_of(last) * float(found.overlap[0] - there.overlap[0])
+        gain = -s.temper * math.log(s.floor) * explained
+        return gain > 0.5 * (s.scan_freedom + 3.0) * math.log1p(square / s.scan_freedom)
 
     def _propose(self, scan: Scan, motion: Motion) -> None:
         """Move every particle to the mean of its improved proposal, and weigh it by the evidence for it."""
@@ -188,7 +257,7 @@ class RaoBlackwellizedFilter(Belief):
         self._match = Match(geometry.between(by_odometry, means[best]), motion.overlap, axis)
 
     def update_map(self, scan: Scan) -> None:
-        """Every particle writes a used scan into its own map."""
+        """Every particle writes a key scan into its own map."""
         if self._keyed:
             self._maps.write(self._particles, self._scans.points_of(len(self._scans) - 1), scan.lidar_position)
             self._grid.follow(self._leader)
@@ -217,7 +286,9 @@ class RaoBlackwellizedFilter(Belief):
         """Settle the most likely particle's trajectory in hindsight, and write its map anew."""
         if not self.config.smoothing.enabled or len(self._scans) == 0:
             return
-        smoother = Smoother(self._scans, self._history.odometry(), self.config.smoothing, self.config.loop_closing)
+        s = self._settings
+        unknown = self._history.unknown() * [s.unknown_speed, s.unknown_speed, s.unknown_turn]
+        smoother = Smoother(self._scans, self._history.odometry(), self.config, unknown)
         smoothed = smoother.smooth(self._key_poses())
         self._smoothed = smoothed.poses
         self._closures = tuple(self._closure(int(earlier), int(later)) for earlier, later in smoothed.closed)

@@ -4,8 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from pfslam_viz.settings import Config, Section, setting
-from pfslam_viz.slam.graph.settings import LoopClosingConfig, ScanMatchingConfig, SmoothingConfig
+from pfslam_viz.settings import Section, setting
+from pfslam_viz.slam.graph.settings import GraphConfig
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
@@ -32,6 +32,20 @@ class RaoBlackwellizedConfig(Section):
     scan_prior: float = setting(
         4.0, "how much wider than its noise the odometry's prior is in such a match: wheels also slip", gt=0
     )
+    scan_good: float = setting(
+        0.5, "share of matched end points from which such a match is good, and tells the odometry's errors", ge=0, le=1
+    )
+    scan_loosest: float = setting(0.1, "such a match is held to the odometry at least so firmly", "m and rad", gt=0)
+    scan_turns: tuple[float, ...] = setting(
+        (-0.45, -0.3, -0.15, 0.15, 0.3, 0.45), "turned by this, a match that found little starts again", "rad"
+    )
+    scan_better: float = setting(0.1, "share of end points that must match besides, from there", ge=0, le=1)
+    scan_noise_distance: float = setting(0.01, "error of such a match", "m", gt=0)
+    scan_noise_angle: float = setting(0.005, "error of such a match", "rad", gt=0)
+    scan_near: float = setting(3.0, "standard deviations from the odometry within which a match is believed", ge=0)
+    scan_freedom: float = setting(
+        2.0, "degrees of freedom of Student's t, which the odometry's errors follow beyond them", gt=0
+    )
     max_range: float = setting(20.0, "longer beams are neither matched nor written into the map", "m", gt=0)
     free_beams: int = setting(100, "beams that clear free space at most; all of them mark walls", ge=10)
     match_beams: int = setting(180, "end points that are matched with the map, evenly along the walls", ge=10)
@@ -47,15 +61,14 @@ class RaoBlackwellizedConfig(Section):
     noise_angle: float = setting(0.1, "odometry: rad of error per rad turned", gt=0)
     noise_drift: float = setting(0.03, "odometry: rad of error per m driven", "rad/m", gt=0)
     noise_open: float = setting(0.03, "odometry: m of error per m driven where the scans leave a direction open", gt=0)
+    unknown_speed: float = setting(0.5, "odometry unknown: m of error per s", "m/s", gt=0)
+    unknown_turn: float = setting(1.5, "odometry unknown: rad of error per s", "rad/s", gt=0)
     least_distance: float = setting(0.005, "odometry: error at least", "m", gt=0)
     least_angle: float = setting(0.002, "odometry: error at least", "rad", gt=0)
 
 
-class RbpfConfig(Config):
+class RbpfConfig(GraphConfig):
     """The filter with a map per particle, and what settles its trajectory in hindsight."""
 
     backend: Literal["rao_blackwellized"] = setting("rao_blackwellized", "N trajectories, each with a map of its own")
     rao_blackwellized: RaoBlackwellizedConfig = RaoBlackwellizedConfig()
-    scan_matching: ScanMatchingConfig = ScanMatchingConfig()
-    smoothing: SmoothingConfig = SmoothingConfig()
-    loop_closing: LoopClosingConfig = LoopClosingConfig()

@@ -1,7 +1,10 @@
 """The loops over the cells of maps that share tiles: compiled by numba, arrays in and arrays out.
 
 Everywhere ``table`` (rows, columns) holds the tile at each place of one map, ``log_odds`` and ``field`` (tiles, 32, 32)
-what the tiles hold, as in :class:`pfslam_viz.slam.rbpf.tile_maps.TileMaps`.
+what the tiles hold, as in :class:`pfslam_viz.slam.rbpf.tile_maps.TileMaps`; ``references`` (tiles,) counts the places
+of all maps that hold a tile, ``free`` and its count are the stack of tiles that none holds. A map's cell (row, column)
+is (row & LOW, column & LOW) of the tile at (row >> BITS, column >> BITS). The plain twin, a dictionary of cells for
+each map, is in ``tests/slam/rbpf/test_tile_maps.py``.
 """
 
 import math
@@ -65,12 +68,12 @@ def _own(
     row: int,
     column: int,
 ) -> int:
-    """The tile at a place of one map, made its own if it is shared."""
-    tile = table[row, column]
+    """The tile at a place of one map, copied first if other places hold it too: copy on write."""
+    tile: int = table[row, column]
     if tile != 0 and references[tile] == 1:
         return tile
     count[0] -= 1
-    new = free[count[0]]
+    new: int = free[count[0]]
     log_odds[new] = log_odds[tile]
     field[new] = field[tile]
     references[tile] -= 1

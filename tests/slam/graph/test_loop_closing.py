@@ -16,7 +16,7 @@ ANGLES = np.linspace(-0.75 * np.pi, 0.75 * np.pi, 181)
 CONFIG = LoopClosingConfig()
 
 
-def plain_overlay(field: Array, centre: Array, points: Array, turns: Array, steps: int) -> Array:
+def plain_overlay(field: NDArray[np.float32], centre: Array, points: Array, turns: Array, steps: int) -> Array:
     n, width = len(field), 2 * steps + 1
     out = np.zeros((len(turns), width, width))
     for t, turn in enumerate(turns):
@@ -72,7 +72,7 @@ def test_candidates_are_far_back_on_the_path_and_near_in_space() -> None:
 
 def room_walls(features: bool) -> Array:
     """A hall 16 m x 3 m; with ``features``, boxes of different sizes at different places along its walls."""
-    hall = [(-3, -1.5, 13, -1.5), (13, -1.5, 13, 1.5), (13, 1.5, -3, 1.5), (-3, 1.5, -3, -1.5)]
+    hall = [(-3.0, -1.5, 13.0, -1.5), (13.0, -1.5, 13.0, 1.5), (13.0, 1.5, -3.0, 1.5), (-3.0, 1.5, -3.0, -1.5)]
     if not features:
         return np.array([(-60.0, -1.5, 60.0, -1.5), (-60.0, 1.5, 60.0, 1.5)])
     for x, y, w, h in ((0.5, -1.5, 0.5, 0.4), (3.1, 1.0, 1.1, 0.5), (6.4, -1.5, 0.3, 0.6), (8.8, 1.2, 0.6, 0.3)):

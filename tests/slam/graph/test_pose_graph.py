@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.slam.graph import pose_graph
@@ -18,7 +18,7 @@ def relaxed(poses: Array, constraints: Constraints, iterations: int = 10, scale:
 
 
 def constraints(
-    pairs: list[tuple[int, int]], measured: Array, information: Array | None = None, robust: object = False
+    pairs: list[tuple[int, int]], measured: ArrayLike, information: Array | None = None, robust: ArrayLike = False
 ) -> Constraints:
     k = len(pairs)
     start, end = np.array(pairs, np.intp).reshape(-1, 2).T
@@ -100,7 +100,7 @@ def test_a_contradiction_is_shared_by_the_variances() -> None:
     information = np.array([np.diag([1.0, 1, 1]), np.diag([0.25, 1, 1]), np.diag([1.0, 1, 1])])
     c = constraints([(0, 1), (1, 2), (0, 2)], [[1.0, 0, 0], [1.0, 0, 0], [2.6, 0, 0]], information)
     poses = relaxed(np.array([[0.0, 0, 0], [1.0, 0, 0], [2.0, 0, 0]]), c)
-    np.testing.assert_allclose(poses, [[0, 0, 0], [1.1, 0, 0], [2.5, 0, 0]], atol=1e-6)
+    np.testing.assert_allclose(poses, [[0.0, 0, 0], [1.1, 0, 0], [2.5, 0, 0]], atol=1e-6)
 
 
 def test_information_off_the_diagonal_carries_over() -> None:
@@ -203,7 +203,7 @@ def test_a_pose_without_constraints_stays() -> None:
     """Pose 2 is nobody's: the others are solved for without it."""
     poses = np.array([[0.0, 0, 0], [1.2, 0, 0], [7.0, 8.0, 1.0]])
     found = relaxed(poses, constraints([(0, 1)], [[1.0, 0.0, 0.0]]))
-    np.testing.assert_allclose(found, [[0, 0, 0], [1.0, 0, 0], [7.0, 8.0, 1.0]], atol=1e-6)
+    np.testing.assert_allclose(found, [[0.0, 0, 0], [1.0, 0, 0], [7.0, 8.0, 1.0]], atol=1e-6)
 
 
 def test_join_keeps_everything_in_order() -> None:

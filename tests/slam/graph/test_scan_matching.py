@@ -11,7 +11,6 @@ from pfslam_viz.simulation.sensors import true_ranges
 from pfslam_viz.slam.graph.scan_matching import MatchingRules, _first_from, match_pairs, open_direction
 from pfslam_viz.slam.graph.scan_store import ScanStore
 from pfslam_viz.slam.graph.settings import ScanMatchingConfig
-from pfslam_viz.slam.graph.walls import wall_normals, within
 
 Array = NDArray[np.float64]
 
@@ -52,103 +51,6 @@ def matched(store: ScanStore, guess: Array, prior: Array = LOOSE) -> tuple[Array
     """Scan 1 of the store against scan 0."""
     found = store.match(np.array([0]), np.array([1]), np.asarray(guess)[None], prior, GATES, iterations=30)
     return found.poses[0], found.information[0], float(found.overlap[0]), float(found.distance[0])
-
-
-# Normals
-
-
-@pytest.mark.parametrize("direction", [0.0, 0.4, math.pi / 2, 2.5])
-@pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_the_normal_of_a_straight_wall_points_to_the_lidar(direction: float, side: float) -> None:
-    """A wall 1 m to the side of the lidar, which is not where the robot is: some walls lie between the two."""
-    along = np.array([math.cos(direction), math.sin(direction)])
-    normal = np.array([-along[1], along[0]])
-    sensor = np.array([3.0, -2.0])
-    points = sensor - side * 1.0 * normal + np.linspace(-1, 1, 60)[:, None] * along
-    np.testing.assert_allclose(wall_normals(points, sensor, 0.3, 20, 0.1), np.tile(side * normal, (60, 1)), atol=1e-6)
-
-
-def test_a_rough_wall_has_about_its_normal() -> None:
-    """Noise of 1 cm on 13 points over 0.6 m turns a line by 1 cm / (√13 · 0.19 m), 0.015 rad, about."""
-    points = np.column_stack([np.linspace(-2, 2, 81), 1.0 + 0.01 * np.random.default_rng(0).standard_normal(81)])
-    normals = wall_normals(points, np.zeros(2), 0.3, 20, 0.1)[6:-6]
-    angle = np.arctan2(normals[:, 0], -normals[:, 1])
-    assert 0.007 < np.sqrt(np.mean(angle**2)) < 0.03
-    assert np.allclose(np.hypot(*normals.T), 1.0)
-
-
-def test_corners_and_stray_points_have_no_normal() -> None:
-    """Two walls meet at (2, 1): half a metre off the corner they are straight, on it there is no line."""
-    ahead = np.column_stack([np.full(21, 2.0), np.linspace(-1, 1, 21)])
-    aside = np.column_stack([np.linspace(1.95, 0, 40), np.full(40, 1.0)])
-    stray = np.array([[-1.0, 1.0], [-1.0, 0.5]])
-    normals = wall_normals(np.vstack([ahead, aside, stray]), np.zeros(2), 0.3, 20, 0.1)
-    np.testing.assert_array_equal(normals[20:22], 0)
-    np.testing.assert_allclose(normals[:15], np.tile([-1.0, 0.0], (15, 1)), atol=1e-6)
-    np.testing.assert_allclose(normals[28:61], np.tile([0.0, -1.0], (33, 1)), atol=1e-6)
-    np.testing.assert_array_equal(normals[-2:], 0)
-
-
-def test_a_normal_needs_two_neighbours_within_reach() -> None:
-    wall = np.array([[1.0, 0.0], [1.0, 0.25], [1.0, 0.5]])
-    sensor = np.zeros(2)
-    np.testing.assert_allclose(wall_normals(wall, sensor, 0.3, 20, 0.1)[1], [-1.0, 0.0], atol=1e-6)
-    np.testing.assert_array_equal(wall_normals(wall, sensor, 0.3, 20, 0.1)[[0, 2]], 0)  # one neighbour each
-    np.testing.assert_array_equal(wall_normals(wall, sensor, 0.2, 20, 0.1), 0)
-    np.testing.assert_array_equal(
-        wall_normals(np.tile([[1.0, 0.5]], (5, 1)), sensor, 0.2, 20, 0.1), 0
-    )  # a heap, no line
-
-
-# The store
-
-
-def test_scans_are_kept_one_after_the_other() -> None:
-    """More scans and points than the store's first arrays hold; each comes back as it was, bearings increasing."""
-    rng = np.random.default_rng(1)
-    scans = [see(ROOM, np.array([*rng.uniform(-1, 1, 2), rng.uniform(-3, 3)]))[: 20 + k] for k in range(90)]
-    store = store_of(*scans)
-    assert len(store) == 90
-    np.testing.assert_array_equal(np.diff(store.first), [len(scan) for scan in scans])
-    for k, scan in enumerate(scans):
-        assert store.size_of(k) == len(scan)
-        np.testing.assert_allclose(store.points_of(k), scan, atol=1e-6)
-        own = slice(store.first[k], store.first[k + 1])
-        np.testing.assert_allclose(
-            store.normals[own], wall_normals(scan, SENSOR, CONFIG.wall_reach, 20, 0.1), atol=1e-6
-        )
-        np.testing.assert_allclose(store.bearings[own], ANGLES[: len(scan)], atol=1e-5)
-
-
-def test_the_last_scan_can_be_dropped() -> None:
-    a, b, c = (see(ROOM, np.array([x, 0.0, 0.0])) for x in (0.0, 0.5, 1.0))
-    store = store_of(a, b[:100])
-    store.drop_last()
-    assert len(store) == 1 and len(store.first) == 2
-    store.add(c)
-    assert len(store) == 2
-    np.testing.assert_allclose(store.points_of(0), a, atol=1e-6)
-    np.testing.assert_allclose(store.points_of(1), c, atol=1e-6)
-
-
-def test_a_long_scan_is_thinned_evenly() -> None:
-    """Of 1081 points every third is kept, 361; of 400 all."""
-    x = np.arange(1081.0)
-    store = store_of(np.column_stack([1 + x, x]), np.column_stack([1 + x, x])[: CONFIG.most_points])
-    np.testing.assert_array_equal(store.points_of(0)[:, 1], x[::3])
-    assert store.size_of(1) == CONFIG.most_points
-
-
-def test_an_empty_scan_is_kept_and_matches_nothing() -> None:
-    store = store_of(see(ROOM, np.zeros(3)), np.zeros((0, 2)), see(ROOM, np.zeros(3)))
-    assert store.size_of(1) == 0 and len(store.points_of(1)) == 0
-    guess = np.array([0.1, 0.2, 0.3])
-    pose, information, overlap, distance = matched(store, guess)
-    np.testing.assert_array_equal(pose, guess)
-    assert overlap == 0 and distance == 0 and not information.any()
-    found = store.match(np.array([1]), np.array([2]), guess[None], LOOSE, GATES, iterations=15)
-    np.testing.assert_array_equal(found.poses[0], guess)
-    assert found.overlap[0] == 0
 
 
 # Correspondences and information at a given pose
@@ -365,13 +267,6 @@ def test_many_pairs_are_matched_as_each_alone() -> None:
         np.testing.assert_array_equal(together.poses[k], alone.poses[0])
         np.testing.assert_array_equal(together.information[k], alone.information[0])
         assert together.overlap[k] == alone.overlap[0] and together.distance[k] == alone.distance[0]
-
-
-def test_points_within_a_distance() -> None:
-    """Of four points 1, 2, 2 and 3 m from (1, 1), in their order; the border belongs to it."""
-    points = np.array([[2.0, 1.0], [1.0, 3.0], [1.0, 4.0], [-1.0, 1.0]])
-    np.testing.assert_array_equal(within(points, np.ones(2), 2.0), points[[0, 1, 3]])
-    assert within(points, np.ones(2), 0.5).shape == within(np.zeros((0, 2)), np.ones(2), 5.0).shape == (0, 2)
 
 
 def test_a_bearing_is_found_from_wherever_the_search_begins() -> None:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.simulation.sensors import true_ranges
-from pfslam_viz.slam.graph.scan_store import Matches, ScanStore
+from pfslam_viz.slam.graph.scan_store import ScanStore
 from pfslam_viz.slam.graph.settings import LoopClosingConfig, ScanMatchingConfig, SmoothingConfig
 from pfslam_viz.slam.graph.smoothing import (
     Smoother,
@@ -16,7 +16,6 @@ from pfslam_viz.slam.graph.smoothing import (
     match,
     neighbouring,
     odometry_constraints,
-    trusted,
 )
 
 Array = NDArray[np.float64]
@@ -24,18 +23,6 @@ Array = NDArray[np.float64]
 ANGLES = np.linspace(-0.75 * np.pi, 0.75 * np.pi, 181)
 TURN_LENGTH = 0.7  # m per rad
 NO_LOOPS = LoopClosingConfig(enabled=False)
-
-
-def box(x0: float, y0: float, x1: float, y1: float) -> list[tuple[float, float, float, float]]:
-    return [(x0, y0, x1, y0), (x1, y0, x1, y1), (x1, y1, x0, y1), (x0, y1, x0, y0)]
-
-
-# A corridor 2 m wide round a block, with things of different sizes along its walls
-BLOCK = np.array(
-    box(-1, -1, 9, 7) + box(1, 1, 7, 5) + box(2.0, -1, 2.6, -0.7) + box(5.2, 0.75, 5.9, 1) + box(8.6, 1.3, 9, 2.2)
-    + box(7, 3.5, 7.3, 4.0) + box(5.5, 6.6, 6.2, 7) + box(2.5, 5, 2.8, 5.25) + box(-1, 4.1, -0.75, 4.9)
-    + box(0.8, 2.2, 1, 2.9)
-)  # fmt: skip
 CORRIDOR = np.array([(-100.0, -1.1, 100.0, -1.1), (-100.0, 1.1, 100.0, 1.1)])
 
 
@@ -64,7 +51,8 @@ def steps_of(poses: Array) -> Array:
 def drifting(steps: Array, rng: np.random.Generator, scale: float = 1.02, turn: float = 0.002) -> Array:
     """Odometry whose wheels are ``scale`` too large and whose heading drifts by ``turn`` rad a step."""
     moved = np.hypot(steps[:, 0], steps[:, 1])[:, None] > 0
-    return steps * [scale, scale, 1.0] + moved * [0.0, 0.0, turn] + moved * rng.normal(0, 0.002, steps.shape)
+    drifted: Array = steps * [scale, scale, 1.0] + moved * [0.0, 0.0, turn]
+    return drifted + moved * rng.normal(0, 0.002, steps.shape)
 
 
 def rms(poses: Array, truth: Array) -> tuple[float, float]:
@@ -75,11 +63,11 @@ def rms(poses: Array, truth: Array) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_a_drifted_round_is_smoothed_to_the_truth(seed: int) -> None:
+def test_a_drifted_round_is_smoothed_to_the_truth(seed: int, block: Array) -> None:
     """1 m or so of drift over 30 m, noise of 1 cm: a centimetre and a tenth of a degree remain."""
     rng = np.random.default_rng(seed)
     truth = around()
-    scans = scans_from(BLOCK, truth, rng)
+    scans = scans_from(block, truth, rng)
     odometry = drifting(steps_of(truth), rng)
     drifted = geometry.accumulate(odometry)
     smoothed = Smoother(scans, odometry, SmoothingConfig(), NO_LOOPS).smooth(drifted)
@@ -90,11 +78,11 @@ def test_a_drifted_round_is_smoothed_to_the_truth(seed: int) -> None:
     assert smoothed.closed.shape == (0, 2)
 
 
-def test_the_second_visit_is_laid_on_the_first() -> None:
+def test_the_second_visit_is_laid_on_the_first(block: Array) -> None:
     """Where the robot drives the first 2 m again, its poses relative to the first visit are right to a centimetre."""
     rng = np.random.default_rng(3)
     truth = around()
-    scans = scans_from(BLOCK, truth, rng)
+    scans = scans_from(block, truth, rng)
     odometry = drifting(steps_of(truth), rng)
     smoothed = Smoother(scans, odometry, SmoothingConfig(), NO_LOOPS).smooth(geometry.accumulate(odometry)).poses
     missed = geometry.between(geometry.between(smoothed[1], smoothed[-9]), geometry.between(truth[1], truth[-9]))
@@ -104,11 +92,11 @@ def test_the_second_visit_is_laid_on_the_first() -> None:
     assert rms(smoothed, truth)[0] < rms(without, truth)[0]
 
 
-def test_a_round_that_missed_its_start_is_closed() -> None:
+def test_a_round_that_missed_its_start_is_closed(block: Array) -> None:
     """The odometry errs by metres where the lidar was blind: the start is out of reach, and yet recognised."""
     rng = np.random.default_rng(4)
     truth = around()
-    scans = scans_from(BLOCK, truth, rng)
+    scans = scans_from(block, truth, rng)
     blinded = ScanStore(
         np.zeros(2), ScanMatchingConfig()
     )  # scans 85 to 99 see nothing: only the odometry leads on, and it is wrong there
@@ -161,9 +149,9 @@ def test_scans_that_see_nothing_leave_the_odometry() -> None:
     np.testing.assert_allclose(geometry.between(start[0], smoothed), geometry.between(poses[0], poses), atol=2e-3)
 
 
-def test_one_or_two_key_scans_stay_as_they_are() -> None:
+def test_one_or_two_key_scans_stay_as_they_are(block: Array) -> None:
     poses = np.array([[0.0, 0, 0], [0.3, 0.1, 0.2]])
-    scans = scans_from(BLOCK, poses, np.random.default_rng(6))
+    scans = scans_from(block, poses, np.random.default_rng(6))
     for k in (1, 2):
         smoother = Smoother(scans, steps_of(poses)[:k], SmoothingConfig(), LoopClosingConfig())
         np.testing.assert_array_equal(smoother.smooth(poses[:k]).poses, poses[:k])
@@ -224,22 +212,11 @@ def test_neighbours_are_some_hops_on_and_the_earlier_visits() -> None:
 # What is believed
 
 
-def test_a_match_is_trusted_if_everything_about_it_is_good() -> None:
-    config = SmoothingConfig(overlap=0.3, distance=0.05)
-    guesses = np.tile([1.0, 2.0, 3.0], (7, 1))
-    moved = np.zeros((7, 3))
-    moved[3, 1], moved[4, 0], moved[5, 2], moved[6] = 0.41, 0.35, 0.21, [0.3, 0.3, 0]
-    overlap = np.array([0.9, 0.29, 0.9, 0.9, 0.9, 0.9, 0.9])
-    distance = np.array([0.01, 0.01, 0.06, 0.01, 0.01, 0.01, 0.01])
-    found = Matches(geometry.compose(guesses, moved), np.zeros((7, 3, 3)), overlap, distance)
-    assert trusted(found, guesses, config).tolist() == [True, False, False, False, True, False, False]
-
-
-def test_matches_become_constraints_and_bad_ones_are_left_out() -> None:
+def test_matches_become_constraints_and_bad_ones_are_left_out(block: Array) -> None:
     """Scan 2 sees another building. The constraint's information is in the end pose's axes, times the temper."""
     rng = np.random.default_rng(8)
     truth = np.array([[0.0, 0, 0], [0.3, 0.1, math.pi / 2]])
-    scans = scans_from(BLOCK, truth, rng, noise=0.0)
+    scans = scans_from(block, truth, rng, noise=0.0)
     scans.add(np.stack([3 * np.cos(ANGLES), 3 * np.sin(ANGLES)], axis=-1))
     wrong = np.vstack([truth[0], truth[1] + np.array([0.04, -0.03, 0.02]), np.zeros(3)])
     config = SmoothingConfig(temper=0.1, distance=0.02)
@@ -267,11 +244,11 @@ def test_the_odometry_is_as_good_as_configured() -> None:
 
 
 @pytest.mark.parametrize("scale", [1.03, 0.97, 1.0])
-def test_the_wheels_scale_is_found_where_scans_can_tell(scale: float) -> None:
+def test_the_wheels_scale_is_found_where_scans_can_tell(scale: float, block: Array) -> None:
     rng = np.random.default_rng(5)
     truth = around()
     odometry = drifting(steps_of(truth), rng, scale=scale, turn=0.0)
-    smoother = Smoother(scans_from(BLOCK, truth, rng), odometry, SmoothingConfig(), NO_LOOPS)
+    smoother = Smoother(scans_from(block, truth, rng), odometry, SmoothingConfig(), NO_LOOPS)
     assert smoother.wheel_scale(truth) == pytest.approx(1.0 / scale, abs=0.008)
 
 

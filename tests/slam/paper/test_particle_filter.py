@@ -1,6 +1,8 @@
 """The paper's filter, step by step, on a room of four walls."""
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,8 +15,12 @@ from pfslam_viz.slam.protocol import Scan
 STILL = np.zeros(3)
 
 
-def config(**settings: object) -> PaperConfig:
-    values = {"particles": 4, "motion": MotionConfig(variance=(0.0, 0.0, 0.0)), "map": MapConfig(cell=0.5)}
+def config(**settings: Any) -> PaperConfig:
+    values: dict[str, Any] = {
+        "particles": 4,
+        "motion": MotionConfig(variance=(0.0, 0.0, 0.0)),
+        "map": MapConfig(cell=0.5),
+    }
     return PaperConfig(**(values | settings))
 
 
@@ -22,11 +28,11 @@ def scan_of(*points: tuple[float, float], index: int = 0) -> Scan:
     return Scan(index, 0.0, np.array(points, np.float64).reshape(-1, 2), np.zeros(2))
 
 
-def place(slam: ParticleFilter, poses: list[tuple[float, float, float]], weights: list[float]) -> None:
+def place(slam: ParticleFilter, poses: Sequence[tuple[float, float, float]], weights: list[float]) -> None:
     slam._particles, slam._weights = np.array(poses), np.array(weights)
 
 
-def filter_with_a_map(**settings: object) -> ParticleFilter:
+def filter_with_a_map(**settings: Any) -> ParticleFilter:
     """Occupied cells at (1.75, 0.25) and (0.25, 2.25), in cells of 0.5 m; the robot is at (0.25, 0.25)."""
     slam = ParticleFilter(config(**settings))
     slam.grid.add(np.array([0.25, 0.25, 0.0]), np.array([[1.5, 0.0], [0.0, 2.0]]), np.zeros(2))
@@ -75,7 +81,7 @@ def test_the_mean_heading_is_circular() -> None:
     assert estimate.covariance[2, 2] == pytest.approx(math.radians(10) ** 2)
 
 
-def test_the_best_particle_draws_the_map() -> None:
+def test_the_best_particle_writes_the_map() -> None:
     """(28): by the most likely particle, not by the mean."""
     slam = filter_with_a_map()
     place(slam, [(0.25, 0.25, 0), (9.25, 9.25, math.pi / 2), (9.25, 9.25, 0), (5, 5, 0)], [0.1, 0.6, 0.2, 0.1])
@@ -117,4 +123,6 @@ def test_the_trajectory_is_the_best_particle_at_every_scan() -> None:
             slam.predict(np.array([0.5, 0.0, math.pi / 2]), 0.025)
         slam.update(scan_of())
         slam.resample()
-    np.testing.assert_allclose(slam.trajectory(), [[0, 0, 0], [0.5, 0, math.pi / 2], [0.5, 0.5, -math.pi]], atol=1e-12)
+    np.testing.assert_allclose(
+        slam.trajectory(), [[0.0, 0, 0], [0.5, 0, math.pi / 2], [0.5, 0.5, -math.pi]], atol=1e-12
+    )

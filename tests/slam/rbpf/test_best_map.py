@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from pfslam_viz.settings import MapConfig
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
@@ -62,7 +63,12 @@ def test_the_copy_is_made_when_somebody_looks(maps: TileMaps, monkeypatch: pytes
     grid = BestMap(CONFIG, maps)
     looked: list[int] = []
     copy = TileMaps.log_odds_of
-    monkeypatch.setattr(TileMaps, "log_odds_of", lambda self, index: (looked.append(index), copy(self, index))[1])
+
+    def counted(maps: TileMaps, index: int) -> tuple[NDArray[np.float32], tuple[int, int]]:
+        looked.append(index)
+        return copy(maps, index)
+
+    monkeypatch.setattr(TileMaps, "log_odds_of", counted)
     grid.follow(0)
     grid.follow(1)
     assert looked == [] and grid.cell == 0.05

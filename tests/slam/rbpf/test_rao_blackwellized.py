@@ -107,7 +107,9 @@ def distance_to_walls(points: Array, walls: Array) -> Array:
     """Distance (m,) from every point to the nearest wall."""
     start, along = walls[:, :2], walls[:, 2:] - walls[:, :2]
     share = ((points[:, None] - start) * along).sum(-1) / (along**2).sum(-1)
-    return np.hypot(*(points[:, None] - start - share.clip(0, 1)[..., None] * along).transpose(2, 0, 1)).min(axis=1)
+    away = points[:, None] - start - share.clip(0, 1)[..., None] * along
+    nearest: Array = np.hypot(away[..., 0], away[..., 1]).min(axis=1)
+    return nearest
 
 
 def final_error(truth: Array, poses: Array) -> tuple[float, float]:

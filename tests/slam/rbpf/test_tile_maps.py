@@ -22,7 +22,7 @@ CELL = 0.05
 SENSOR = np.array([0.12, 0.03])
 
 
-def config(**settings: object) -> TileSettings:
+def config(**settings: Any) -> TileSettings:
     return TileSettings(**({"cell": CELL} | settings))
 
 
@@ -370,7 +370,13 @@ def test_the_joined_tiles() -> None:
 
 
 def test_settings_come_from_the_map_and_the_filter() -> None:
-    numbers = {"cell": 0.1, "log_odds_hit": 0.5, "log_odds_miss": 0.2, "log_odds_bound": 3.0, "threshold": 0.3}
+    numbers: dict[str, Any] = {
+        "cell": 0.1,
+        "log_odds_hit": 0.5,
+        "log_odds_miss": 0.2,
+        "log_odds_bound": 3.0,
+        "threshold": 0.3,
+    }
     filter_numbers: dict[str, Any] = {"sigma": 0.07, "floor": 0.2, "free_beams": 99}
     settings = TileSettings.of(
         RbpfConfig(map=MapConfig(**numbers), rao_blackwellized=RaoBlackwellizedConfig(**filter_numbers, field_reach=2))

@@ -1,0 +1,43 @@
+"""Where a trajectory comes back to: the key scans of earlier visits to the same place."""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+@njit(cache=True, nogil=True)
+def earlier_visits(poses: Array, radius: float, apart: int, most: int, turn_length: float) -> Indices:
+    """Pairs (p, 2): for every key scan up to ``most`` earlier ones within ``radius`` m, the nearest of each visit.
+
+    A rad between their headings counts as ``turn_length`` m. The plain twin is in the tests.
+    """
+    n = len(poses)
+    found = np.empty((n * most, 2), np.int64)
+    away = np.empty(n)
+    count = 0
+    for later in range(n):
+        last = later - apart
+        any_near = False
+        for k in range(last):
+            dx, dy = poses[k, 0] - poses[later, 0], poses[k, 1] - poses[later, 1]
+            if dx * dx + dy * dy > radius * radius:
+                away[k] = np.inf
+                continue
+            turn = abs(poses[k, 2] - poses[later, 2]) % (2.0 * math.pi)
+            away[k] = math.hypot(dx, dy) + turn_length * min(turn, 2.0 * math.pi - turn)
+            any_near = True
+        if not any_near:
+            continue
+        for _ in range(most):
+            nearest = int(np.argmin(away[:last]))
+            if not away[nearest] < np.inf:
+                break
+            found[count, 0], found[count, 1] = nearest, later
+            count += 1
+            away[max(0, nearest - apart // 2) : min(last, nearest + apart // 2 + 1)] = np.inf
+    return found[:count].copy()

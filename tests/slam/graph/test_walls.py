@@ -1,0 +1,103 @@
+"""The walls in a scan: by hand, and against a plain twin; and which of its points are near."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pfslam_viz.slam.graph.walls import describe, wall_normals, within
+
+Array = NDArray[np.float64]
+
+
+@pytest.mark.parametrize("direction", [0.0, 0.4, math.pi / 2, 2.5])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_the_normal_of_a_straight_wall_points_to_the_lidar(direction: float, side: float) -> None:
+    """A wall 1 m to the side of the lidar, which is not where the robot is: some walls lie between the two."""
+    along = np.array([math.cos(direction), math.sin(direction)])
+    normal = np.array([-along[1], along[0]])
+    sensor = np.array([3.0, -2.0])
+    points = sensor - side * 1.0 * normal + np.linspace(-1, 1, 60)[:, None] * along
+    np.testing.assert_allclose(wall_normals(points, sensor, 0.3, 20, 0.1), np.tile(side * normal, (60, 1)), atol=1e-6)
+
+
+def test_a_rough_wall_has_about_its_normal() -> None:
+    """Noise of 1 cm on 13 points over 0.6 m turns a line by 1 cm / (√13 · 0.19 m), 0.015 rad, about."""
+    points = np.column_stack([np.linspace(-2, 2, 81), 1.0 + 0.01 * np.random.default_rng(0).standard_normal(81)])
+    normals = wall_normals(points, np.zeros(2), 0.3, 20, 0.1)[6:-6]
+    angle = np.arctan2(normals[:, 0], -normals[:, 1])
+    assert 0.007 < np.sqrt(np.mean(angle**2)) < 0.03
+    assert np.allclose(np.hypot(*normals.T), 1.0)
+
+
+def test_corners_and_stray_points_have_no_normal() -> None:
+    """Two walls meet at (2, 1): half a metre off the corner they are straight, on it there is no line."""
+    ahead = np.column_stack([np.full(21, 2.0), np.linspace(-1, 1, 21)])
+    aside = np.column_stack([np.linspace(1.95, 0, 40), np.full(40, 1.0)])
+    stray = np.array([[-1.0, 1.0], [-1.0, 0.5]])
+    normals = wall_normals(np.vstack([ahead, aside, stray]), np.zeros(2), 0.3, 20, 0.1)
+    np.testing.assert_array_equal(normals[20:22], 0)
+    np.testing.assert_allclose(normals[:15], np.tile([-1.0, 0.0], (15, 1)), atol=1e-6)
+    np.testing.assert_allclose(normals[28:61], np.tile([0.0, -1.0], (33, 1)), atol=1e-6)
+    np.testing.assert_array_equal(normals[-2:], 0)
+
+
+def test_a_normal_needs_two_neighbours_within_reach() -> None:
+    wall = np.array([[1.0, 0.0], [1.0, 0.25], [1.0, 0.5]])
+    sensor = np.zeros(2)
+    np.testing.assert_allclose(wall_normals(wall, sensor, 0.3, 20, 0.1)[1], [-1.0, 0.0], atol=1e-6)
+    np.testing.assert_array_equal(wall_normals(wall, sensor, 0.3, 20, 0.1)[[0, 2]], 0)  # one neighbour each
+    np.testing.assert_array_equal(wall_normals(wall, sensor, 0.2, 20, 0.1), 0)
+    np.testing.assert_array_equal(
+        wall_normals(np.tile([[1.0, 0.5]], (5, 1)), sensor, 0.2, 20, 0.1), 0
+    )  # a heap, no line
+
+
+def plain_normals(points: Array, sensor: Array, reach: float, neighbours: int, flatness: float) -> Array:
+    """The eigenvector of the smaller eigenvalue of the neighbours' covariance, as NumPy finds it."""
+    out = np.zeros_like(points)
+    for b, point in enumerate(points):
+        near = np.hypot(*(points - point).T) <= reach
+        first = max([k + 1 for k in range(b) if not near[k]] + [b - neighbours, 0])
+        end = min([k for k in range(b + 1, len(points)) if not near[k]] + [b + neighbours + 1, len(points)])
+        if end - first < 3:
+            continue
+        values, vectors = np.linalg.eigh(np.cov(points[first:end].T))
+        if values[0] <= flatness * values[1]:
+            out[b] = vectors[:, 0] * (1.0 if vectors[:, 0] @ (sensor - point) >= 0.0 else -1.0)
+    return out
+
+
+@pytest.mark.parametrize("neighbours", [2, 20])
+def test_normals_equal_their_plain_twin(neighbours: int) -> None:
+    """Walls that bend and end, rough in places, with stray points between them, seen all around."""
+    rng = np.random.default_rng(3)
+    bearings = np.linspace(-3.0, 3.0, 500)
+    ranges = 3.0 + np.sin(5 * bearings) + np.where(bearings > 1.0, 0.05, 0.003) * rng.standard_normal(500)
+    ranges[200:260] += 1.0
+    ranges[rng.integers(0, 500, 20)] *= 0.5
+    sensor = np.array([0.4, -0.3])
+    points = sensor + np.stack([ranges * np.cos(bearings), ranges * np.sin(bearings)], axis=-1)
+    expected = plain_normals(points, sensor, 0.3, neighbours, 0.1)
+    np.testing.assert_allclose(wall_normals(points, sensor, 0.3, neighbours, 0.1), expected, atol=1e-6)
+    assert 0.1 < expected.any(axis=1).mean() < 0.95  # some have one, some have none
+
+
+def test_a_scan_is_described_with_its_normals_and_the_bearings_of_its_beams() -> None:
+    """Beams from 1 rad on, through π and on over a gap of 3.5 rad: bearings go on increasing from the first."""
+    bearings = np.concatenate([np.linspace(1.0, 3.4, 40), np.linspace(6.9, 7.2, 10)])
+    sensor = np.array([-0.2, 0.5])
+    points = sensor + 2.0 * np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
+    rows = np.zeros((50, 5), np.float32)
+    describe(points, sensor, 0.3, 20, 0.1, rows)
+    np.testing.assert_allclose(rows[:, :2], points, atol=1e-6)
+    np.testing.assert_allclose(rows[:, 2:4], wall_normals(points, sensor, 0.3, 20, 0.1), atol=1e-6)
+    np.testing.assert_allclose(rows[:, 4], bearings, atol=1e-5)
+
+
+def test_points_within_a_distance() -> None:
+    """Of four points 1, 2, 2 and 3 m from (1, 1), in their order; the border belongs to it."""
+    points = np.array([[2.0, 1.0], [1.0, 3.0], [1.0, 4.0], [-1.0, 1.0]])
+    np.testing.assert_array_equal(within(points, np.ones(2), 2.0), points[[0, 1, 3]])
+    assert within(points, np.ones(2), 0.5).shape == within(np.zeros((0, 2)), np.ones(2), 5.0).shape == (0, 2)
