@@ -27,7 +27,7 @@ def beam_angles(beams: int, limits: tuple[float, float], increment: float | None
     the beams then go round at most once; else the beams are spread over the limits. ``notes`` get what disagreed.
     """
     angle_min, angle_max = limits
-    spread = np.linspace(angle_min, angle_max, beams)
+    spread: Array = np.linspace(angle_min, angle_max, beams)
     if beams == 1 or increment is None:
         return spread
     if increment == 0 or (beams - 1) * abs(increment) > _ONE_TURN:
@@ -47,5 +47,4 @@ def beam_angles(beams: int, limits: tuple[float, float], increment: float | None
         f"lidar: angle_max {angle_max:g} rad would make {expected:.0f} beams; ranges has {beams}, so the last is taken"
         f" at {last:g} rad, by angle_increment"
     )
-    angles: Array = angle_min + increment * np.arange(beams)
-    return angles
+    return angle_min + increment * np.arange(beams, dtype=np.float64)

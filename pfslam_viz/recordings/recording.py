@@ -208,7 +208,8 @@ class Recording:
             odometry_poses: (n, 3) poses by odometry at the scans instead, in any one frame. With neither, the robot is
                 taken to rest, and the filter has the scans alone.
             range_min: a smaller range (m) is no return.
-            range_max: a larger range (m) is no return; None takes every finite range as a return.
+            range_max: a larger range (m) is no return; None takes every finite range as a return. A value that the
+                readings show to stand for no return is none in any case; the notes say so.
             lidar_pose: x, y (m), yaw (rad) of the lidar in the robot's frame.
             lidar_height: m above the ground.
             name: what to call it.
@@ -233,7 +234,7 @@ class Recording:
         if not np.array_equal(kept, np.arange(len(times))):
             readings, steps = readings[kept], geometry.increments(geometry.accumulate(steps)[kept])
         farthest = max(float(readings.max()), 1.0) if range_max is None else range_max
-        return cls(
+        made = cls(
             name=name,
             format=format,
             path=path,
@@ -247,6 +248,11 @@ class Recording:
             notes=tuple(said),
             streams=tuple(streams),
         )
+        if path is not None:  # a reader made it; the catalog has it looked at
+            return made
+        from pfslam_viz.recordings.no_return import without_sentinels
+
+        return without_sentinels(made)
 
     def __len__(self) -> int:
         return len(self.stamps)
