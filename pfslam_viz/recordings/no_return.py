@@ -130,6 +130,7 @@ def _spike(counts: Counts, readings: int) -> tuple[int, int] | None:
     high = int(often[-1])
     # A driver's codes are neighbours: 51.14 and 51.15, 81.83 to 81.91 m.
     width = min(0.01 * high, 100 + 0.003 * high)
+    high += int(np.flatnonzero(counts[high : round(high + width) + 1])[-1])
     start = max(1, round(high - width))
     window, below = counts[start : high + 1], counts[round((1 - _BELOW) * start) : start]
     peak = int(window.max())
