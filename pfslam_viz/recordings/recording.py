@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from pfslam_viz import geometry
 from pfslam_viz.errors import InputError
 from pfslam_viz.recordings import checks
+from pfslam_viz.recordings.motion import poses_of, steps_of
 from pfslam_viz.recordings.stamps import distinct_scans
 from pfslam_viz.robot import CameraGeometry
 
@@ -144,6 +145,8 @@ class Recording:
         relations: true relative poses, if known.
         notes: what was wrong with the files and how it was handled, a sentence each.
         streams: every sensor's own stamps, for ``info``; no algorithm needs them.
+        beam_times: (B,) s after the scan's stamp at which each beam was measured, below 0 before it; None where all of
+            a scan is taken as of one moment.
     """
 
     name: str
@@ -158,6 +161,7 @@ class Recording:
     relations: Relations | None = None
     notes: tuple[str, ...] = field(default_factory=tuple)
     streams: tuple[Stream, ...] = field(default_factory=tuple)
+    beam_times: Array | None = None
 
     def __post_init__(self) -> None:
         whose = self.path or self.name
@@ -171,6 +175,10 @@ class Recording:
         if bad:
             notes += (f"lidar: {bad} ranges that are NaN or infinite taken as no return",)
         _set(self, stamps=stamps, ranges=ranges, odometry=odometry, notes=notes, streams=tuple(self.streams))
+        if self.beam_times is not None:
+            beams = len(self.lidar.angles)
+            times = checks.vector(self.beam_times, f"{whose}: beam_times", beams, ", a time for every beam")
+            _set(self, beam_times=times)
 
     @classmethod
     def from_arrays(
@@ -191,6 +199,7 @@ class Recording:
         frames: Frames | None = None,
         notes: Iterable[str] = (),
         streams: Iterable[Stream] = (),
+        beam_times: ArrayLike | None = None,
         format: str = "arrays",
         path: Path | None = None,
     ) -> "Recording":
@@ -214,7 +223,7 @@ class Recording:
             lidar_height: m above the ground.
             name: what to call it.
             truth: true poses of the robot, (n, 3) at the scans or a Trajectory with stamps of its own, if known.
-            relations, frames, notes, streams, format, path: as in the class.
+            relations, frames, notes, streams, beam_times, format, path: as in the class.
 
         Raises:
             InputError: an array has another shape, or numbers that are none; there are no scans; both kinds of
@@ -226,8 +235,10 @@ class Recording:
         readings, bad = checks.ranges(ranges, f"{name}: ranges", len(times), len(beams))
         if bad:
             said.append(f"lidar: {bad} ranges that are NaN or infinite taken as no return")
-        steps = _steps(name, len(times), odometry, odometry_poses, said)
-        true = truth if isinstance(truth, Trajectory) or truth is None else _poses(truth, f"{name}: truth", len(times))
+        steps = steps_of(name, len(times), odometry, odometry_poses, said)
+        true = (
+            truth if isinstance(truth, Trajectory) or truth is None else poses_of(truth, f"{name}: truth", len(times))
+        )
         kept, in_order = distinct_scans(times, readings, said)
         if len(kept) == 0:
             raise InputError(f"{name}: stamps holds no scan with a finite stamp; one or more are expected")
@@ -247,6 +258,7 @@ class Recording:
             relations=relations,
             notes=tuple(said),
             streams=tuple(streams),
+            beam_times=None if beam_times is None else np.asarray(beam_times),
         )
         if path is not None:  # a reader made it; the catalog has it looked at
             return made
@@ -277,26 +289,6 @@ class Recording:
         kept = np.arange(len(self))[start:stop:stride]
         steps = geometry.increments(self.dead_reckoning()[kept])
         return replace(self, stamps=self.stamps[kept], ranges=self.ranges[kept], odometry=steps)
-
-
-def _steps(
-    name: str, scans: int, odometry: ArrayLike | None, odometry_poses: ArrayLike | None, notes: list[str]
-) -> Array:
-    """Motion (n, 3) from scan to scan, from whichever kind of odometry is given."""
-    if odometry is not None and odometry_poses is not None:
-        raise InputError(f"{name}: odometry and odometry_poses are both given; one of them is expected")
-    if odometry_poses is not None:
-        return geometry.increments(_poses(odometry_poses, f"{name}: odometry_poses", scans))
-    if odometry is not None:
-        steps = _poses(odometry, f"{name}: odometry", scans).copy()
-        steps[:1] = 0.0
-        return steps
-    notes.append("odometry: none is given; the robot is taken to rest, and the filter has the scans alone")
-    return np.zeros((scans, 3))
-
-
-def _poses(value: ArrayLike, what: str, scans: int) -> Array:
-    return checks.poses(value, what, scans, ", a row for every scan")
 
 
 def _set(value: object, **fields: object) -> None:
