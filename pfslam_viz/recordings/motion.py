@@ -1,4 +1,4 @@
-"""Odometry from scan to scan: from the arrays that are given, and as speeds."""
+"""Odometry from scan to scan: from the arrays that are given, as speeds, and as what it does to points."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +21,25 @@ def twists(odometry: Array, stamps: Array) -> Array:
         speeds[1:-1] = geometry.twist(odometry[1:]) / np.diff(stamps)[:, None]
         speeds[0], speeds[-1] = speeds[1], speeds[-2]
     return speeds
+
+
+def moved(points: Array, times: Array, speeds: Array) -> Array:
+    """Points (m, 2), each in the robot's frame at its own of the ``times`` (m,) s, in the frame at time 0.
+
+    ``speeds`` (2, 3) are the robot's (m/s, m/s, rad/s) before and after it, each steady.
+    """
+    return displaced(points, times[:, None] * speeds[(times > 0).astype(np.intp)])
+
+
+def displaced(points: Array, motions: Array) -> Array:
+    """Points (m, 2), each in a frame of its own, in the frame from which the ``motions`` (m, 3) lead to those.
+
+    Motions are as :func:`pfslam_viz.geometry.twist` gives them.
+    """
+    poses = geometry.steady_motion(motions)
+    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    x, y = points.T
+    return np.stack([poses[:, 0] + c * x - s * y, poses[:, 1] + s * x + c * y], axis=-1)
 
 
 def steps_of(

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
-from pfslam_viz.recordings.motion import twists
+from pfslam_viz.recordings.motion import moved, twists
 from pfslam_viz.recordings.recording import Recording
 
 Array = NDArray[np.float64]
@@ -62,13 +62,13 @@ def with_beam_times(recording: Recording) -> Recording:
 
 def find(recording: Recording) -> Sweep | None:
     """The times of the beams that make scans agree clearly better than beams of one moment; None if none do."""
+    if (np.abs(recording.odometry[:, 2]) > _TURNING).sum() < _FEWEST_PAIRS // 2:
+        return None
     angles = recording.lidar.angles
     if len(recording) < _FEWEST_PAIRS or len(angles) < 20 or np.ptp(angles) < _LEAST_VIEW:
         return None
     period = float(np.median(np.diff(recording.stamps)))
     if not _PERIODS[0] <= period <= _PERIODS[1]:
-        return None
-    if (np.abs(recording.odometry[:, 2]) > _TURNING).sum() < _FEWEST_PAIRS // 2:
         return None
     speeds = twists(recording.odometry, recording.stamps)
     pairs = _pairs(recording, speeds[:, 2] * period)
@@ -132,17 +132,6 @@ def _seen(recording: Recording, speeds: Array, k: int, times: Array, pose: Array
     bearings = np.arctan2(y, x)
     order = np.argsort(bearings)
     return bearings[order], np.hypot(x, y)[order]
-
-
-def moved(points: Array, times: Array, speeds: Array) -> Array:
-    """Points (m, 2), each in the robot's frame at its own of the ``times`` (m,) s, in the frame at time 0.
-
-    ``speeds`` (2, 3) are the robot's (m/s, m/s, rad/s) before and after it, each steady.
-    """
-    poses = geometry.steady_motion(times[:, None] * speeds[(times > 0).astype(np.intp)])
-    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    x, y = points.T
-    return np.stack([poses[:, 0] + c * x - s * y, poses[:, 1] + s * x + c * y], axis=-1)
 
 
 def _least_difference(scan: tuple[Array, Array], reference: tuple[Array, Array]) -> float:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pfslam_viz.recordings.motion import moved
 from pfslam_viz.recordings.recording import Lidar
-from pfslam_viz.recordings.sweep import moved
 from pfslam_viz.settings import ScanConfig
 from pfslam_viz.slam import kernels
 from pfslam_viz.slam.protocol import Scan
