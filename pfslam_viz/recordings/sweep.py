@@ -35,7 +35,7 @@ _METERS_PER_RADIAN = 0.25
 # Beams across a greater gap (rad) than this do not make a wall.
 _GAP = 0.1
 # The scans have to disagree by so much less, in so many of the pairs.
-_LESS, _MOST = 0.75, 0.75
+_LESS, _MOST = 0.7, 0.6
 
 _STAMPED = {"first": 0.0, "middle": 0.5, "last": 1.0}
 

@@ -1,16 +1,20 @@
 """Scans whose beams are cast one by one from where the robot is at their time; when that was is to be found out."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
+from pfslam_viz.config import load_config
 from pfslam_viz.evaluation.scans import end_points
+from pfslam_viz.recordings.catalog import load_recording
 from pfslam_viz.recordings.motion import moved, twists
-from pfslam_viz.recordings.recording import Lidar, Recording
+from pfslam_viz.recordings.recording import Lidar, Recording, Trajectory
 from pfslam_viz.recordings.sweep import find, with_beam_times
+from pfslam_viz.replay import Replay
 from pfslam_viz.simulation.sensors import true_ranges
 
 Array = NDArray[np.float64]
@@ -54,7 +58,9 @@ def swept(beam_times: Array | None, turn: float = 2.0, view: float = 360.0, peri
         [np.interp(stamps, at, poses[:, 0]), np.interp(stamps, at, poses[:, 1]), np.interp(stamps, at, heading)], -1
     )
     odometry = geometry.increments(true) * [1.0, 1.0, 1.05]
-    return Recording("swept", "test", None, stamps, ranges.astype(np.float32), lidar, odometry)
+    return Recording(
+        "swept", "test", None, stamps, ranges.astype(np.float32), lidar, odometry, truth=Trajectory(stamps, true)
+    )
 
 
 def times(way: int, stamped: float, view: float = 360.0, period: float = 0.2) -> Array:
@@ -130,3 +136,39 @@ def test_speeds_between_scans() -> None:
     expected = np.array([[2, 0, 0], [2, 0, 0], [0, 0, np.pi / 2], [0, 0, np.pi / 2]])
     np.testing.assert_allclose(twists(odometry, np.array([0.0, 0.5, 1.5])), expected, atol=1e-12)
     assert not twists(odometry[:1], np.zeros(1)).any()
+
+
+def test_a_log_that_says_nothing_of_it(tmp_path: Path) -> None:
+    """Read from a file, the beams have their times: the catalog looks for them, for every format."""
+    recording = swept(times(1, 1.0))
+    lines = []
+    for stamp, ranges, pose in zip(recording.stamps, recording.ranges, recording.dead_reckoning(), strict=True):
+        laser = geometry.compose(pose, recording.lidar.pose)
+        numbers = [-np.pi, 2 * np.pi, np.radians(3.0), 20.0, 0.01, 0, len(ranges), *ranges, 0, *laser, *pose]
+        told = " ".join(f"{number:.6f}" if isinstance(number, float) else f"{number}" for number in numbers)
+        lines.append(f"ROBOTLASER1 0 {told} 0 0 0 0 0 {stamp:.6f} robot {stamp:.6f}\n")
+    path = tmp_path / "swept.log"
+    path.write_text("".join(lines))
+    loaded = load_recording(path)
+    assert loaded.beam_times is not None
+    np.testing.assert_allclose(loaded.beam_times, times(1, 1.0), atol=1e-6)
+    assert any("the stamp being that of the last one" in note for note in loaded.notes)
+
+
+def test_replay_of_a_lidar_that_turns_slowly() -> None:
+    """2 rad/s at 5 scans a second: what is settled is no worse than what was known at once, and both are right."""
+
+    def errors(recording: Recording) -> tuple[float, float]:
+        replay = Replay(recording, load_config("default", ["particles=10"]), threads=1)
+        for _ in replay:
+            pass
+        result = replay.result()
+        assert result.truth is not None
+        online, settled = (
+            float(np.hypot(*(poses - result.truth)[:, :2].T).max()) for poses in (result.online, result.estimate)
+        )
+        return online, settled
+
+    online, settled = errors(with_beam_times(swept(times(1, 1.0))))
+    assert settled <= online < 0.1
+    assert max(errors(swept(times(1, 1.0)))) > 0.15
