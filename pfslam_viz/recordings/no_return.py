@@ -26,6 +26,10 @@ _CODES_PER_METER = 1000
 _LAST_CODE = 1_000_000
 # The least share of all readings that makes a value worth a look.
 _LEAST_SHARE = 5e-4
+# The same where the robot did not move from its place by odometry.
+_LEAST_SHARE_AT_REST = 0.02
+# A second value is below the first by more than the step in which ranges are written.
+_NEXT = 0.9
 # How much more often the value comes than any within so much of it below; and what share of it may lie beyond it.
 _RATIO = 5.0
 _BELOW = 0.05
@@ -72,13 +76,13 @@ def without_sentinels(recording: Recording) -> Recording:
 
 def find(recording: Recording) -> list[Sentinel]:
     """The values that stand for no return, the greatest first; those above the lidar's greatest range included."""
-    places = _places(recording)
+    places, apart = _places(recording)
     if len(places) < _FEWEST_PLACES:
         return []
     readings = recording.ranges[places]
     found: list[Sentinel] = []
     end, counted = _LAST_CODE + 1, 0
-    for _ in range(3):
+    for _ in range(3 if apart else 1):
         span = _spike(_histogram(readings, end), readings.size)
         if span is None:
             break
@@ -88,8 +92,12 @@ def find(recording: Recording) -> list[Sentinel]:
         if span is None or (_codes(views) >= span[0]).any(axis=1).sum() < _FEWEST_PLACES:
             break
         low, high = span
+        if found and high > _NEXT * end:
+            break
         above = int(np.count_nonzero(recording.ranges >= (low - 0.5) / _CODES_PER_METER))
         share = (above - counted) / recording.ranges.size
+        if not apart and share < _LEAST_SHARE_AT_REST:
+            break
         counted = above
         end = low
         if low < _LAST_CODE or recording.lidar.range_max > low / _CODES_PER_METER:
@@ -97,16 +105,17 @@ def find(recording: Recording) -> list[Sentinel]:
     return found
 
 
-def _places(recording: Recording) -> Counts:
-    """Indices of scans from places apart from each other; spread over the time where the odometry stands still."""
+def _places(recording: Recording) -> tuple[Counts, bool]:
+    """Indices of scans from places apart from each other, and True; spread over the time where odometry rests."""
     steps = recording.odometry
     travelled = np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))
     scans = np.flatnonzero(np.diff(np.floor(travelled / _APART), prepend=-1.0) > 0)
-    if len(scans) < _FEWEST_PLACES:
+    apart = len(scans) >= _FEWEST_PLACES
+    if not apart:
         scans = np.arange(len(recording))
     if len(scans) > _MOST_PLACES:
         scans = scans[np.linspace(0, len(scans) - 1, _MOST_PLACES).round().astype(np.intp)]
-    return scans
+    return scans, apart
 
 
 def _codes(readings: Ranges) -> Counts:
