@@ -19,7 +19,7 @@ def check_contradiction(draft: Draft) -> None:
     if len(recording) < 5:
         return
     pairs = pairs_apart(recording.odometry)
-    off = disagreement(recording.lidar, recording.ranges, recording.odometry, pairs)
+    off = disagreement(recording.lidar, recording.ranges, recording.odometry, pairs, draft.poses)
     off = off[np.isfinite(off)]
     if len(off) >= 5 and np.median(off) > _CONTRADICTED:
         draft.add(
@@ -43,7 +43,7 @@ def _turns(draft: Draft, pairs: Pairs) -> bool:
     start = np.arange(0, len(recording) - 1, max(1, len(recording) // 300))
     gap = max(1, int(np.median(pairs.second - pairs.first)))
     all_pairs = Pairs(start, np.minimum(start + gap, len(recording) - 1))
-    poses = recording.dead_reckoning()
+    poses = draft.poses
 
     def fit(turn: float) -> Array:
         turned = poses.copy()

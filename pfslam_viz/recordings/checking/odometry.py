@@ -22,6 +22,8 @@ _KINDS = {
 _NOTHING = 1e-9  # m and rad
 _MOVED = 0.1  # disagreement of scans, relative to their ranges, that noise and people do not make
 
+_STRETCHES = 20  # of rest that are looked at, the longest
+
 
 def check_odometry(draft: Draft) -> None:
     """All that can be told of the odometry, and what of it can be mended."""
@@ -147,18 +149,19 @@ def _check_stuck(draft: Draft) -> None:
     starts, ends = edges[::2] - 1, edges[1::2] - 1  # scans between which it rests
     lasted = recording.stamps[ends] - recording.stamps[starts]
     long = np.flatnonzero((lasted > 5.0) & (ends - starts >= 10))
-    long = long[np.argsort(-lasted[long])][:50]
+    long = long[np.argsort(-lasted[long])][:_STRETCHES]
     if len(long) == 0:
         return
     starts, ends, lasted = starts[long], ends[long], lasted[long]
-    believed, resting = recording.dead_reckoning(), np.zeros_like(recording.odometry)
-    off = [
-        np.fmin(  # a gyro that creeps while the robot rests is no harm
-            *(disagreement(recording.lidar, recording.ranges, resting, pairs, poses) for poses in (believed, resting))
-        )
-        for pairs in (Pairs(*(starts + (ends - starts) * q // 4 for q in (k, k + 1))) for k in range(4))
-    ]
-    stuck = (np.nan_to_num(np.stack(off)) > _MOVED).sum(axis=0) >= 2
+    quarters = starts + (ends - starts) * np.arange(5)[:, None] // 4
+    pairs = Pairs(quarters[:-1].ravel(), quarters[1:].ravel())
+    off = disagreement(recording.lidar, recording.ranges, recording.odometry, pairs, np.zeros_like(draft.poses))
+    moved = np.flatnonzero(off > _MOVED)
+    # It may have turned; a gyro that creeps while the robot rests is no harm.
+    moved_pairs = Pairs(pairs.first[moved], pairs.second[moved])
+    turned = disagreement(recording.lidar, recording.ranges, recording.odometry, moved_pairs, draft.poses)
+    off[moved] = np.fmin(off[moved], turned)
+    stuck = (off.reshape(4, -1) > _MOVED).sum(axis=0) >= 2
     if stuck.any():
         k = int(np.argmax(np.where(stuck, lasted, 0.0)))
         stretches = "1 stretch" if stuck.sum() == 1 else f"{int(stuck.sum())} stretches"
