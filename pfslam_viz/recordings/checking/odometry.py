@@ -60,9 +60,10 @@ def _check_kind(draft: Draft) -> None:
         fast, spins = speeds(draft, steps)
         if np.percentile(fast, 98) > FASTEST or np.percentile(spins, 98) > FASTEST_TURN:
             continue
-        pairs = pairs_apart(steps)
+        pairs = pairs_apart(steps, distance=0.8, turn=0.5)
         fit = _fits(recording, steps, pairs)
-        others = [other for name, other in readings.items() if name != what]
+        # Small motions fit better than large ones, whatever they are: so it must also beat no motion.
+        others = [0.0 * steps, *(other for name, other in readings.items() if name != what)]
         if all(explains_better(fit, _fits(recording, other, pairs)) for other in others):
             draft.mend(odometry=steps)
             draft.add("note", what, _KINDS[what].format(speed=float(np.percentile(speed, 90))))
@@ -85,7 +86,9 @@ def _check_degrees(draft: Draft) -> None:
         return
     steps = _turned_less(recording.odometry)
     pairs = turned_apart(steps)
-    if not explains_better(_fits(recording, steps, pairs), _fits(recording, recording.odometry, pairs)):
+    fit = _fits(recording, steps, pairs)
+    others = (recording.odometry, steps * (1.0, 1.0, 0.0))  # it must also beat no turns at all
+    if not all(explains_better(fit, _fits(recording, other, pairs)) for other in others):
         return
     said = f"odometry: turns of up to {turning.max():.3g} rad/s are degrees by what the scans show"
     direction = np.arctan2(steps[:, 1], steps[:, 0])
