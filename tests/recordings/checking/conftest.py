@@ -46,9 +46,13 @@ class Drive:
 
     def recording(self, **changes: Any) -> Recording:
         """Of arrays, with some of the arguments changed; not checked."""
-        given = {
-            "stamps": self.stamps, "ranges": self.ranges, "angles": ANGLES, "odometry": self.odometry, "range_max": 30.0,
-        }  # fmt: skip
+        given: dict[str, Any] = {
+            "stamps": self.stamps,
+            "ranges": self.ranges,
+            "angles": ANGLES,
+            "odometry": self.odometry,
+            "range_max": 30.0,
+        }
         given |= changes
         if "odometry_poses" in changes:
             del given["odometry"]

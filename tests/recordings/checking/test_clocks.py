@@ -1,4 +1,4 @@
-"""Stamps of another unit, stray stamps, clocks that do not meet; the recordings are made of a drive with known truth."""
+"""Stamps of another unit, stray stamps, clocks that do not meet."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -78,7 +78,7 @@ def test_a_sensor_whose_clock_is_an_hour_off_is_refused(write_ring: Write, kind:
     with pytest.raises(InputError, match=r"do not overlap in time: .* h apart; .*; --force replays it anyway"):
         load_recording(folder)
     got = load_recording(folder, force=True)
-    assert [f.what for f in got.findings if f.severity == "wrong"][0] == "clocks_do_not_overlap"
+    assert next(f.what for f in got.findings if f.severity == "wrong") == "clocks_do_not_overlap"
 
 
 def test_a_stream_that_covers_less_than_half(ring: Any, only: Only) -> None:
