@@ -75,9 +75,17 @@ def test_what_is_wrong_is_refused(run: Run, blind: Path, tmp_path: Path, command
     assert not out.exists()
 
 
-def test_a_forced_run_that_comes_out_empty_fails_and_leaves_no_file(run: Run, blind: Path, tmp_path: Path) -> None:
-    outputs = ["--export", tmp_path / "out", "--save", tmp_path / "x.rrd"]
-    status, shown, err = run("replay", blind, "--force", *outputs, *PAPER, "-q")
+@pytest.mark.parametrize("command", ["replay", "compare", "figures", "evaluate"])
+def test_a_forced_run_that_comes_out_empty_fails_and_leaves_no_file(
+    run: Run, blind: Path, tmp_path: Path, command: str
+) -> None:
+    options: dict[str, list[object]] = {
+        "replay": ["--export", tmp_path / "out", "--save", tmp_path / "x.rrd", *PAPER],
+        "compare": ["--config", "paper,particles=20", "--config", "paper", "--save", tmp_path / "x.rrd"],
+        "figures": [tmp_path / "figures", *PAPER],
+        "evaluate": [*PAPER],
+    }
+    status, shown, err = run(command, blind, "--force", *options[command], "-q")
     assert (status, shown) == (1, "")
     first, last = err.splitlines()
     assert first.startswith("wrong: lidar: no scan has a return")
