@@ -62,6 +62,7 @@ def save(
 
     Raises:
         InputError: as :func:`run`, or ``path`` cannot be written; before the run starts.
+        PfslamError: the run came out empty; there is no map to look at.
     """
     from pfslam_viz.viewer.sinks import open_sinks
     from pfslam_viz.viewer.stream import replay_stream
@@ -70,6 +71,7 @@ def save(
     with replaced(Path(path)) as unfinished, open_sinks(save=unfinished) as sink:
         stream = replay_stream(drive, settings, sink)
         result = run(drive, settings, on_step=stream.log, texture=texture, threads=threads)
+        result.require_map()
         stream.finish(result)
     return result
 

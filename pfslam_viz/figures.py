@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from pfslam_viz.config import Config
-from pfslam_viz.errors import InputError, PfslamError
+from pfslam_viz.errors import InputError
 from pfslam_viz.figures_layers import (
     DEAD_RECKONING,
     FILTER,
@@ -101,10 +101,7 @@ def write_figures(
         if on_step is not None:
             on_step(step)
     result = replay.result()
-    if why := result.hollow:
-        raise PfslamError(
-            f"{recording.path or recording.name}: the run came out empty: {why}; there is nothing to draw"
-        )
+    result.require_map()
     figures = [*_whole(result, out), *_over_time(result, collector.snapshots, out)]
     page = write_page(out / "index.html", result, figures)
     return [*(figure.path for figure in figures), page]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.config import Config
+from pfslam_viz.errors import PfslamError
 from pfslam_viz.recordings.checking.check import check, refuse_wrong
 from pfslam_viz.recordings.motion import twists as twists_of
 from pfslam_viz.recordings.recording import Recording
@@ -79,6 +80,14 @@ class Result:
         if not np.isfinite(self.estimate).all():
             return "the trajectory has poses that are no numbers"
         return None if self.grid.occupied.any() else "no cell of the map is occupied"
+
+    def require_map(self) -> None:
+        """Raise PfslamError where a whole run came out empty: a recording that nothing could be made of."""
+        if not self.interrupted and (why := self.hollow):
+            whose = self.recording.path or self.recording.name
+            raise PfslamError(
+                f"{whose}: the run came out empty: {why}; 'pfslam-viz info' says what is in the recording"
+            )
 
 
 class Replay:

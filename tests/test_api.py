@@ -40,7 +40,8 @@ def test_run(rest: pf.Recording) -> None:
     steps: list[int] = []
     result = pf.run(rest, pf.load_config("paper", ["particles=20"]), on_step=lambda step: steps.append(step.index))
     assert steps == [0, 1, 2, 3, 4, 5]
-    assert result.recording is rest and result.config.particles == 20 and not result.interrupted
+    assert result.recording.checked and result.recording.stamps is rest.stamps
+    assert result.config.particles == 20 and not result.interrupted
     assert result.estimate.shape == (6, 3)
 
 

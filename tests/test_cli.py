@@ -28,12 +28,12 @@ from pfslam_viz.slam.worker import cores
 
 ROOT = Path(__file__).resolve().parents[1]
 SINKS = "--save --spawn --serve --bind --connect --stdout"
-SCANS = "--data --robot --start --stop --stride"
+SCANS = "--data --robot --start --stop --stride --force"
 OPTIONS = {
     "replay": f"{SINKS} {SCANS} --export --config --set --particles --seed --map-every --max-particles --max-beams"
     " --quiet",
     "recordings": "--data --json",
-    "info": "--data --robot --json",
+    "info": "--data --robot --verbose --json",
     "fetch": "--data --rgbd --every --base-url --connections --quiet",
     "simulate": "--seed --duration --building --frames --no-frames --wheel-scale --slip --gyro-bias",
     "evaluate": f"{SCANS} --config --set --particles --seeds --json --quiet",
@@ -401,7 +401,10 @@ def test_recordings_and_info_as_json(run: Run, drive: Path) -> None:
 
 def test_recordings_and_info_as_tables(run: Run, drive: Path) -> None:
     assert "drive" in run("recordings", "--data", drive.parent)[1]
-    assert re.search(r"lidar · beams +1,081", run("info", "drive", "--data", drive.parent)[1])
+    page = run("info", "drive", "--data", drive.parent)[1]
+    assert page.startswith("drive: good\n")
+    assert re.search(r"^lidar +1,081 beams over 270°, 40\.1 Hz", page, re.MULTILINE)
+    assert re.search(r"lidar · beams +1,081", run("info", "drive", "--data", drive.parent, "--verbose")[1])
 
 
 def test_simulate_does_not_overwrite_other_files(run: Run, tmp_path: Path) -> None:

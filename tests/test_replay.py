@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.config import Config, load_config
+from pfslam_viz.recordings.checking.check import check
 from pfslam_viz.recordings.recording import Lidar, Recording, Trajectory
 from pfslam_viz.replay import Replay
 from pfslam_viz.slam import kernels, map_kernels
@@ -154,7 +155,8 @@ def test_same_seed_same_trajectory_whatever_the_threads(room: Recording, paper: 
 def test_scans_without_returns_run_through(room: Recording, paper: Config, blind: slice) -> None:
     ranges = room.ranges.copy()
     ranges[blind] = 0.0
-    replay = Replay(replace(room, ranges=ranges), paper.model_copy(update={"particles": 50}))
+    forced = check(replace(room, ranges=ranges))  # without any return it would be refused
+    replay = Replay(forced, paper.model_copy(update={"particles": 50}))
     empty = [len(step.end_points) == 0 for step in replay]
     assert empty == (ranges[:, 0] == 0).tolist()
     result = replay.result()

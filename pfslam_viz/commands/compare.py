@@ -6,7 +6,7 @@ from pfslam_viz import console
 from pfslam_viz.commands.choices import ConfigChoice, DetailChoice, RecordingChoice, SinkChoice
 from pfslam_viz.commands.interrupt import stop_on_interrupt
 from pfslam_viz.commands.progress import load_kernels, replay_progress
-from pfslam_viz.commands.replay import keep_serving, kept_or_raise, read, require_map, tell_doubts
+from pfslam_viz.commands.replay import keep_serving, kept_or_raise, read, tell_doubts
 from pfslam_viz.commands.summary import comparison
 from pfslam_viz.errors import InputError
 from pfslam_viz.viewer.compare import compare
@@ -35,7 +35,6 @@ def run(
             results = compare(
                 recording, configs, sink, detail.options(), on_step=lambda *_: bar.advance(), stopped=stopped
             )
-        require_map(results)
         seconds = perf_counter() - started
         keep_serving(sinks, results[0])
     if not quiet:

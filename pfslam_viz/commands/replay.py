@@ -12,7 +12,6 @@ from pfslam_viz.commands.interrupt import Interrupted, stop_on_interrupt, wait_f
 from pfslam_viz.commands.progress import load_kernels, replay_progress
 from pfslam_viz.commands.summary import summary
 from pfslam_viz.config import Config
-from pfslam_viz.errors import PfslamError
 from pfslam_viz.files import check_writable
 from pfslam_viz.recordings.findings import SEVERITIES, of
 from pfslam_viz.recordings.recording import Recording
@@ -45,9 +44,9 @@ def run(
     with ExitStack() as stack:
         stream = open_stream(stack, recording, config, sinks, detail)
         result, log_seconds = _replay(recording, config, stream, quiet)
+        result.require_map()
         if stream is not None:
             stream.finish(result)
-        require_map([result])
         seconds = perf_counter() - started
         keep_serving(sinks, result)
     if export is not None and len(result.stamps):
@@ -77,16 +76,6 @@ def tell_doubts(recording: Recording) -> None:
     for severity in SEVERITIES[:2]:
         for finding in of(recording.findings, severity):
             console.tell(f"{severity}: {finding.line}")
-
-
-def require_map(results: Sequence[Result]) -> None:
-    """Raise PfslamError where a whole run came out empty: a recording that nothing could be made of."""
-    for result in results:
-        if not result.interrupted and (why := result.hollow):
-            whose = result.recording.path or result.recording.name
-            raise PfslamError(
-                f"{whose}: the run came out empty: {why}; 'pfslam-viz info' says what is in the recording"
-            )
 
 
 def keep_serving(sinks: SinkChoice, result: Result) -> None:

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 
 from pfslam_viz.config import Config, load_config
-from pfslam_viz.errors import PfslamError
 from pfslam_viz.evaluation.map_quality import map_quality
 from pfslam_viz.evaluation.metrics import finite, scores, speed
 from pfslam_viz.evaluation.report import Method, Report, Run, Scores
@@ -46,8 +45,7 @@ def evaluate(
                 if on_progress is not None:
                     on_progress(f"{config.name}, seed {seed}", done, total)
             result = replay.result()
-            if why := result.hollow:
-                raise PfslamError(f"{recording.path or recording.name}: the run came out empty: {why}")
+            result.require_map()
             runs.append(Run(seed, score(result)))
             if dead_reckoning is None:
                 dead_reckoning = Method("dead reckoning", None, (Run(None, score_dead_reckoning(result)),))

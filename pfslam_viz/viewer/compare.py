@@ -75,6 +75,7 @@ def compare(
                 next(iterator, None)
         results = [replay.result() for replay in replays]
     for stream, result in zip(streams, results, strict=True):
+        result.require_map()
         stream.finish(result)
     if len(results[0].stamps):
         left_out = list(dict.fromkeys(phrase for stream in streams for phrase in stream.left_out))

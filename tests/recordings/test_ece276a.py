@@ -234,7 +234,6 @@ def test_imu_that_ends_early_is_at_rest_then(write_set: WriteSet) -> None:
         ("Hokuyo", {"ranges": np.ones((3, 0)), "time_stamps": np.ones(0)}, r"Hokuyo7\.npz: holds no scans"),
         ("Hokuyo", {"time_stamps": np.full(11, np.nan)}, r"Hokuyo7\.npz: no scan has a valid time stamp"),
         ("Imu", {"angular_velocity": np.ones((3, 0)), "time_stamps": np.ones(0)}, r"Imu7\.npz: holds no samples"),
-        ("Encoders", {"time_stamps": np.arange(81.0)}, "encoders and lidar of set 7 do not overlap in time"),
         ("Hokuyo", {"ranges": np.array([["a"]])}, r"Hokuyo7\.npz: ranges holds <U1, not numbers"),
         ("Imu", {"angular_velocity": np.array([{}], dtype=object)}, r"Imu7\.npz: angular_velocity is a Python object"),
     ],

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from pfslam_viz import geometry
 from pfslam_viz.recordings.checking.agreement import Pairs, disagreement, pairs_apart
 from pfslam_viz.recordings.checking.draft import Draft
 
@@ -10,6 +11,7 @@ Array = NDArray[np.float64]
 
 # Median disagreement of scans half a metre apart. Real logs in clutter come to 0.12, chance to 0.4.
 _CONTRADICTED = 0.28
+_NEAR = 1.0  # m; scans farther apart may well differ
 _TURNS = np.array([0.15, 0.3, 0.5, 0.8, -0.15, -0.3, -0.5, -0.8])  # rad, between two scans
 
 
@@ -19,9 +21,10 @@ def check_contradiction(draft: Draft) -> None:
     if len(recording) < 5:
         return
     pairs = pairs_apart(recording.odometry)
-    off = disagreement(recording.lidar, recording.ranges, recording.odometry, pairs)
-    off = off[np.isfinite(off)]
-    if len(off) >= 5 and np.median(off) > _CONTRADICTED:
+    off = disagreement(recording.lidar, recording.ranges, recording.odometry, pairs, draft.poses)
+    moved = geometry.between(draft.poses[pairs.first], draft.poses[pairs.second])
+    near = (np.hypot(moved[:, 0], moved[:, 1]) < _NEAR) & np.isfinite(off)
+    if near.sum() >= 10 and np.median(off[near]) > _CONTRADICTED:
         draft.add(
             "doubtful",
             "scans_contradict_odometry",
@@ -43,7 +46,7 @@ def _turns(draft: Draft, pairs: Pairs) -> bool:
     start = np.arange(0, len(recording) - 1, max(1, len(recording) // 300))
     gap = max(1, int(np.median(pairs.second - pairs.first)))
     all_pairs = Pairs(start, np.minimum(start + gap, len(recording) - 1))
-    poses = recording.dead_reckoning()
+    poses = draft.poses
 
     def fit(turn: float) -> Array:
         turned = poses.copy()

@@ -17,6 +17,7 @@ class Draft:
 
     recording: Recording
     findings: list[Finding] = field(default_factory=list)
+    _reckoned: tuple[Recording, Array] | None = None
 
     def add(self, severity: Severity, what: str, message: str, advice: str = "", scan: int | None = None) -> None:
         """Add a finding."""
@@ -25,6 +26,13 @@ class Draft:
     def mend(self, **changes: object) -> None:
         """Change fields of the recording."""
         self.recording = replace(self.recording, **changes)  # type: ignore[arg-type]
+
+    @property
+    def poses(self) -> Array:
+        """Dead reckoning (n, 3) by the odometry as mended so far."""
+        if self._reckoned is None or self._reckoned[0] is not self.recording:
+            self._reckoned = self.recording, self.recording.dead_reckoning()
+        return self._reckoned[1]
 
     @property
     def hopeless(self) -> bool:

@@ -22,6 +22,8 @@ _KINDS = {
 _NOTHING = 1e-9  # m and rad
 _MOVED = 0.1  # disagreement of scans, relative to their ranges, that noise and people do not make
 
+_STRETCHES = 20  # of rest that are looked at, the longest
+
 
 def check_odometry(draft: Draft) -> None:
     """All that can be told of the odometry, and what of it can be mended."""
@@ -58,9 +60,10 @@ def _check_kind(draft: Draft) -> None:
         fast, spins = speeds(draft, steps)
         if np.percentile(fast, 98) > FASTEST or np.percentile(spins, 98) > FASTEST_TURN:
             continue
-        pairs = pairs_apart(steps)
+        pairs = pairs_apart(steps, distance=0.8, turn=0.5)
         fit = _fits(recording, steps, pairs)
-        others = [other for name, other in readings.items() if name != what]
+        # Small motions fit better than large ones, whatever they are: so it must also beat no motion.
+        others = [0.0 * steps, *(other for name, other in readings.items() if name != what)]
         if all(explains_better(fit, _fits(recording, other, pairs)) for other in others):
             draft.mend(odometry=steps)
             draft.add("note", what, _KINDS[what].format(speed=float(np.percentile(speed, 90))))
@@ -83,7 +86,9 @@ def _check_degrees(draft: Draft) -> None:
         return
     steps = _turned_less(recording.odometry)
     pairs = turned_apart(steps)
-    if not explains_better(_fits(recording, steps, pairs), _fits(recording, recording.odometry, pairs)):
+    fit = _fits(recording, steps, pairs)
+    others = (recording.odometry, steps * (1.0, 1.0, 0.0))  # it must also beat no turns at all
+    if not all(explains_better(fit, _fits(recording, other, pairs)) for other in others):
         return
     said = f"odometry: turns of up to {turning.max():.3g} rad/s are degrees by what the scans show"
     direction = np.arctan2(steps[:, 1], steps[:, 0])
@@ -149,18 +154,19 @@ def _check_stuck(draft: Draft) -> None:
     starts, ends = edges[::2] - 1, edges[1::2] - 1  # scans between which it rests
     lasted = recording.stamps[ends] - recording.stamps[starts]
     long = np.flatnonzero((lasted > 5.0) & (ends - starts >= 10))
-    long = long[np.argsort(-lasted[long])][:50]
+    long = long[np.argsort(-lasted[long])][:_STRETCHES]
     if len(long) == 0:
         return
     starts, ends, lasted = starts[long], ends[long], lasted[long]
-    believed, resting = recording.dead_reckoning(), np.zeros_like(recording.odometry)
-    off = [
-        np.fmin(  # a gyro that creeps while the robot rests is no harm
-            *(disagreement(recording.lidar, recording.ranges, resting, pairs, poses) for poses in (believed, resting))
-        )
-        for pairs in (Pairs(*(starts + (ends - starts) * q // 4 for q in (k, k + 1))) for k in range(4))
-    ]
-    stuck = (np.nan_to_num(np.stack(off)) > _MOVED).sum(axis=0) >= 2
+    quarters = starts + (ends - starts) * np.arange(5)[:, None] // 4
+    pairs = Pairs(quarters[:-1].ravel(), quarters[1:].ravel())
+    off = disagreement(recording.lidar, recording.ranges, recording.odometry, pairs, np.zeros_like(draft.poses))
+    moved = np.flatnonzero(off > _MOVED)
+    # It may have turned; a gyro that creeps while the robot rests is no harm.
+    moved_pairs = Pairs(pairs.first[moved], pairs.second[moved])
+    turned = disagreement(recording.lidar, recording.ranges, recording.odometry, moved_pairs, draft.poses)
+    off[moved] = np.fmin(off[moved], turned)
+    stuck = (off.reshape(4, -1) > _MOVED).sum(axis=0) >= 2
     if stuck.any():
         k = int(np.argmax(np.where(stuck, lasted, 0.0)))
         stretches = "1 stretch" if stuck.sum() == 1 else f"{int(stuck.sum())} stretches"
