@@ -86,6 +86,19 @@ def test_the_way_round_and_the_beam_of_the_stamp(way: int, stamped: float) -> No
     assert with_beam_times(made) is made
 
 
+@pytest.mark.parametrize("given", [None, times(1, 1.0), times(-1, 0.0), 0.05 * times(1, 0.0)])
+def test_times_that_a_file_gives_are_checked(given: Array | None) -> None:
+    """The scans are of one moment, or measured from the stamp on; a file may say so, or something else."""
+    still = replace(swept(None), beam_times=given)
+    assert with_beam_times(still).beam_times is None or (given is not None and given.max() < 0.02 and given.min() == 0)
+    turning = with_beam_times(replace(swept(times(1, 0.0)), beam_times=given))
+    assert turning.beam_times is not None
+    np.testing.assert_allclose(turning.beam_times, times(1, 0.0), atol=1e-9)
+    assert ("other than the file says" in turning.notes[0]) == (given is not None)
+    right = replace(swept(times(1, 0.0)), beam_times=times(1, 0.0))
+    assert with_beam_times(right) is right
+
+
 def test_a_lidar_that_sees_three_quarters_ten_times_a_second() -> None:
     made = with_beam_times(swept(times(1, 1.0, 270.0, 0.1), view=270.0, period=0.1))
     assert made.beam_times is not None
