@@ -126,8 +126,12 @@ def test_end_points_of_an_evaluation_are_corrected_as_well() -> None:
     scan = int(np.argmax(np.abs(recording.odometry[:-1, 2]) * np.abs(recording.odometry[1:, 2])))
     points = end_points(recording, np.array([scan])).points
     plain = end_points(replace(recording, beam_times=None), np.array([scan])).points
-    speeds = twists(recording.odometry, recording.stamps)[scan : scan + 2]
-    np.testing.assert_allclose(points, moved(plain, times(1, 0.0), speeds), atol=1e-12)
+    speeds = twists(recording.odometry, recording.stamps)
+    for other in (scan, int(np.argmax(np.diff(recording.odometry[:, 2]))), len(recording) - 1):
+        one = np.array([other])
+        uncorrected = end_points(replace(recording, beam_times=None), one).points
+        expected = moved(uncorrected, times(1, 0.0), speeds[other : other + 2])
+        np.testing.assert_allclose(end_points(recording, one).points, expected, atol=1e-12)
     at, poses = path(2.0)
     k = int(np.argmin(np.abs(at - recording.stamps[scan])))
 
