@@ -26,10 +26,12 @@ _CODES_PER_METER = 1000
 _LAST_CODE = 1_000_000
 # The least share of all readings that makes a value worth a look.
 _LEAST_SHARE = 5e-4
-# The same where the robot did not move from its place by odometry.
-_LEAST_SHARE_AT_REST = 0.02
+# The same where the robot did not leave its place by odometry; and how far codes may lie apart then.
+_LEAST_SHARE_AT_REST, _CODES_AT_REST = 0.02, 20
 # A second value is below the first by more than the step in which ranges are written.
 _NEXT = 0.9
+# So many of the greatest values that come often are looked at.
+_MOST_CANDIDATES = 30
 # How much more often the value comes than any within so much of it below; and what share of it may lie beyond it.
 _RATIO = 5.0
 _BELOW = 0.05
@@ -96,7 +98,7 @@ def find(recording: Recording) -> list[Sentinel]:
             break
         above = int(np.count_nonzero(recording.ranges >= (low - 0.5) / _CODES_PER_METER))
         share = (above - counted) / recording.ranges.size
-        if not apart and share < _LEAST_SHARE_AT_REST:
+        if not apart and (share < _LEAST_SHARE_AT_REST or high - low > _CODES_AT_REST):
             break
         counted = above
         end = low
@@ -132,28 +134,29 @@ def _histogram(readings: Ranges, end: int) -> Counts:
 
 def _spike(counts: Counts, readings: int) -> tuple[int, int] | None:
     """The least and greatest code of the topmost peak of the histogram that stands for no return, or None."""
-    least = max(3.0, _LEAST_SHARE * readings)
-    often = np.flatnonzero(counts >= least)
-    if len(often) == 0:
-        return None
-    high = int(often[-1])
-    # A driver's codes are neighbours: 51.14 and 51.15, 81.83 to 81.91 m.
-    width = min(0.01 * high, 100 + 0.003 * high)
-    high += int(np.flatnonzero(counts[high : round(high + width) + 1])[-1])
+    least = max(float(_FEWEST_PLACES), _LEAST_SHARE * readings)
+    for often in np.flatnonzero(counts >= least)[::-1][:_MOST_CANDIDATES]:
+        span = _codes_about(counts, int(often))
+        if span is not None and counts[span[1] + 1 :].sum() <= _BEYOND * counts[span[0] : span[1] + 1].sum():
+            return span
+    return None
+
+
+def _codes_about(counts: Counts, often: int) -> tuple[int, int] | None:
+    """The least and greatest code of a driver's about the one that comes ``often``; None if it does not stand out.
+
+    They are neighbours: 51.14 and 51.15, 81.83 to 81.91 m.
+    """
+    width = min(0.01 * often, 100 + 0.003 * often)
+    high = often + int(np.flatnonzero(counts[often : round(often + width) + 1])[-1])
     start = max(1, round(high - width))
     window, below = counts[start : high + 1], counts[round((1 - _BELOW) * start) : start]
-    peak = int(window.max())
-    inside = start + np.flatnonzero(window >= max(0.01 * peak, _RATIO * below.max(initial=0), 3.0))
+    inside = start + np.flatnonzero(window >= max(0.01 * window.max(), _RATIO * below.max(initial=0), 3.0))
     if len(inside) == 0:
         return None
-    low = int(inside[0])
     if below.sum() <= 0.001 * counts[inside].sum():  # nothing but codes up there
-        low = start + int(np.flatnonzero(window)[0])
-    total, beyond = int(counts[low : high + 1].sum()), int(counts[high + 1 :].sum())
-    usual = int(counts[round((1 - _BELOW) * low) : low].max(initial=0))
-    if beyond > _BEYOND * total or peak < _RATIO * usual:
-        return None
-    return low, high
+        return start + int(np.flatnonzero(window)[0]), high
+    return int(inside[0]), high
 
 
 def _distinct_views(readings: Ranges, code: int) -> Counts:

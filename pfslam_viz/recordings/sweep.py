@@ -37,31 +37,39 @@ _GAP = 0.1
 # The scans have to disagree by so much less, in so many of the pairs.
 _LESS, _MOST = 0.7, 0.6
 
+_ONE_MOMENT = "of one moment"
 _STAMPED = {"first": 0.0, "middle": 0.5, "last": 1.0}
 
 
 class Sweep(NamedTuple):
-    """``beam_times`` (B,) s after the stamp; the mean disagreement (m) of scans ``without`` and ``with_it``; words."""
+    """``beam_times`` (B,) s after the stamp, or None for a scan of one moment; and that in words.
 
-    beam_times: Array
-    without: float
-    with_it: float
+    ``before`` and ``after`` are the mean disagreement (m) of scans taken in turns, as they were given and by these.
+    """
+
+    beam_times: Array | None
+    before: float
+    after: float
     words: str
 
 
 def with_beam_times(recording: Recording) -> Recording:
-    """The recording with its beams' times and a note on them, where they can be told; else the recording itself."""
-    if recording.beam_times is not None or (found := find(recording)) is None:
+    """The recording with its beams' times and a note on them, where they can be told; else the recording itself.
+
+    Times that the format gave are kept unless the scans clearly contradict them.
+    """
+    if (found := find(recording)) is None:
         return recording
+    instead = "" if recording.beam_times is None else ", other than the file says"
     note = (
-        f"lidar: the beams of a scan are taken as {found.words}, since scans taken in turns then agree to"
-        f" {100 * found.with_it:.1f} instead of {100 * found.without:.1f} cm"
+        f"lidar: the beams of a scan are taken as {found.words}{instead}: scans taken in turns then agree to"
+        f" {100 * found.after:.1f} instead of {100 * found.before:.1f} cm"
     )
     return replace(recording, beam_times=found.beam_times, notes=(*recording.notes, note))
 
 
 def find(recording: Recording) -> Sweep | None:
-    """The times of the beams that make scans agree clearly better than beams of one moment; None if none do."""
+    """The times of the beams that make scans agree clearly better than those they have; None if none do."""
     if (np.abs(recording.odometry[:, 2]) > _TURNING).sum() < _FEWEST_PAIRS // 2:
         return None
     angles = recording.lidar.angles
@@ -76,7 +84,9 @@ def find(recording: Recording) -> Sweep | None:
         return None
     forwards = period * (angles - angles[0]) / (2 * np.pi)
     length = float(forwards[-1])
-    guesses = [(np.zeros(len(angles)), "of one moment")]
+    guesses: list[tuple[Array, str]] = [(np.zeros(len(angles)), _ONE_MOMENT)]
+    if recording.beam_times is not None:
+        guesses.insert(0, (recording.beam_times, "the file says"))
     for way, times in (("counter-clockwise", forwards), ("clockwise", length - forwards)):
         for which, share in _STAMPED.items():
             words = f"spread over {length:.3f} s, {way}, the stamp being that of the {which} one"
@@ -87,7 +97,8 @@ def find(recording: Recording) -> Sweep | None:
     better = (disagreement[best] < disagreement[0]).mean()
     if best == 0 or means[best] > _LESS * means[0] or better < _MOST:
         return None
-    return Sweep(guesses[best][0], float(means[0]), float(means[best]), guesses[best][1])
+    times, words = guesses[best]
+    return Sweep(None if words == _ONE_MOMENT else times, float(means[0]), float(means[best]), words)
 
 
 def _pairs(recording: Recording, turns: Array) -> list[tuple[int, int]]:

@@ -148,6 +148,20 @@ def test_a_drive_beside_a_wall_with_a_narrow_view() -> None:
     assert find(seen) == []
 
 
+def test_ranges_written_to_a_decimetre() -> None:
+    """The greatest of a small room comes often, but not more often than those below."""
+    seen = drive(np.array(box(-2, -2, 4, 3)), 0.15 * ahead(200), digits=1)
+    assert (seen.ranges == seen.ranges.max()).sum() > 7
+    assert find(seen) == []
+
+
+def test_a_part_of_the_robot_in_view() -> None:
+    """Some beams always end 0.4 m away; nothing else comes so often, but much lies beyond."""
+    seen = drive(HALL, ahead(150), digits=6, noise=0.2)
+    seen.ranges[:, :8] = 0.4
+    assert find(seen) == []
+
+
 def test_without_odometry_it_is_told_from_what_changes_in_the_scans() -> None:
     seen = drive(HALL, ahead(150))
     short = np.minimum(seen.ranges, np.float32(8.0))

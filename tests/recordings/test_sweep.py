@@ -86,6 +86,19 @@ def test_the_way_round_and_the_beam_of_the_stamp(way: int, stamped: float) -> No
     assert with_beam_times(made) is made
 
 
+@pytest.mark.parametrize("given", [None, times(1, 1.0), times(-1, 0.0), 0.05 * times(1, 0.0)])
+def test_times_that_a_file_gives_are_checked(given: Array | None) -> None:
+    """The scans are of one moment, or measured from the stamp on; a file may say so, or something else."""
+    still = replace(swept(None), beam_times=given)
+    assert with_beam_times(still).beam_times is None or (given is not None and given.max() < 0.02 and given.min() == 0)
+    turning = with_beam_times(replace(swept(times(1, 0.0)), beam_times=given))
+    assert turning.beam_times is not None
+    np.testing.assert_allclose(turning.beam_times, times(1, 0.0), atol=1e-9)
+    assert ("other than the file says" in turning.notes[0]) == (given is not None)
+    right = replace(swept(times(1, 0.0)), beam_times=times(1, 0.0))
+    assert with_beam_times(right) is right
+
+
 def test_a_lidar_that_sees_three_quarters_ten_times_a_second() -> None:
     made = with_beam_times(swept(times(1, 1.0, 270.0, 0.1), view=270.0, period=0.1))
     assert made.beam_times is not None
@@ -113,8 +126,12 @@ def test_end_points_of_an_evaluation_are_corrected_as_well() -> None:
     scan = int(np.argmax(np.abs(recording.odometry[:-1, 2]) * np.abs(recording.odometry[1:, 2])))
     points = end_points(recording, np.array([scan])).points
     plain = end_points(replace(recording, beam_times=None), np.array([scan])).points
-    speeds = twists(recording.odometry, recording.stamps)[scan : scan + 2]
-    np.testing.assert_allclose(points, moved(plain, times(1, 0.0), speeds), atol=1e-12)
+    speeds = twists(recording.odometry, recording.stamps)
+    for other in (scan, int(np.argmax(np.diff(recording.odometry[:, 2]))), len(recording) - 1):
+        one = np.array([other])
+        uncorrected = end_points(replace(recording, beam_times=None), one).points
+        expected = moved(uncorrected, times(1, 0.0), speeds[other : other + 2])
+        np.testing.assert_allclose(end_points(recording, one).points, expected, atol=1e-12)
     at, poses = path(2.0)
     k = int(np.argmin(np.abs(at - recording.stamps[scan])))
 
