@@ -227,13 +227,18 @@ def info(
     recording: RecordingArg,
     data: DataOpt = None,
     robot: RobotOpt = "ece276a",
+    scan_topic: ScanTopicOpt = None,
+    odom_topic: OdomTopicOpt = None,
+    base_frame: BaseFrameOpt = None,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Everything: rates, spans, gaps, paths.")] = False,
     json: JsonOpt = False,
 ) -> None:
     """Say whether a recording is good, what is inside it, and what is wrong with it."""
     from pfslam_viz.commands import recordings as command
 
-    command.run_info(recording, data, robot, json, verbose)
+    command.run_info(
+        recording, data, robot, json, verbose, scan_topic=scan_topic, odom_topic=odom_topic, base_frame=base_frame
+    )
 
 
 @app.command(

@@ -18,13 +18,13 @@ def info_page(about: Description) -> Group:
     style = "green" if verdict == "good" else STYLES["wrong" if verdict.startswith("cannot") else "doubtful"]
     title = Text.assemble((str(about["name"]), "bold"), ": ", (verdict, style))
     scans = _part(about, "lidar").get("scans")
-    what = f"{about['format']}, {about['duration_s']:,.1f} s" + (f", {scans:,} scans" if scans else "")
-    parts: list[RenderableType] = [
-        title,
-        Text(f"{what}, {about['path'] or 'in memory'}", style="dim"),
-        "",
-        _table(about),
-    ]
+    span = f"{about['duration_s']:,.1f} s, " if "duration_s" in about else ""
+    what = f"{about['format']}, {span}" + (f"{scans:,} scans, " if scans else "")
+    parts: list[RenderableType] = [title, Text(f"{what}{about['path'] or 'in memory'}", style="dim"), ""]
+    if "odometry" in about:
+        parts.append(_table(about))
+    if topics := about.get("topics"):
+        parts += ["", _topics(topics, _part(about, "used"))]
     if findings := _findings(about):
         parts += ["", findings]
     return Group(*parts)
@@ -67,6 +67,22 @@ def _sensors(about: Description) -> Iterator[tuple[str, str]]:
     if relations := _part(about, "relations"):
         known.append(f"{relations['count']:,} relations")
     yield "truth", " and ".join(known) or "unknown"
+
+
+def _topics(topics: Any, used: Mapping[str, Any]) -> Table:
+    """The topics of a log, and which of them are read."""
+    table = Table(box=None, pad_edge=False)
+    columns = (("topic", "left"), ("type", "left"), ("messages", "right"), ("Hz", "right"), ("", "left"))
+    for heading, side in columns:
+        table.add_column(heading, justify="left" if side == "left" else "right")
+    for topic in topics:
+        taken = topic["name"] in used.values()
+        rate = "" if topic["rate_hz"] is None else f"{topic['rate_hz']:.4g}"
+        style = "bold" if taken else "dim"
+        table.add_row(
+            topic["name"], topic["type"], f"{topic['messages']:,}", rate, "read" if taken else "", style=style
+        )
+    return table
 
 
 def _rate(stream: Mapping[str, Any] | None) -> str:

@@ -29,13 +29,15 @@ def run_list(data: Path | None, as_json: bool) -> None:
     console.results().print(table)
 
 
-def run_info(name: str, data: Path | None, robot: str, as_json: bool, verbose: bool = False) -> None:
+def run_info(
+    name: str, data: Path | None, robot: str, as_json: bool, verbose: bool = False, **options: str | None
+) -> None:
     """Print what is inside one recording: a page, everything if ``verbose``, or everything as JSON."""
     from pfslam_viz.commands.info_page import info_page
     from pfslam_viz.recordings.info import describe_path
 
     with console.status(f"reading {name}", quiet=as_json):
-        description = describe_path(name, data, robot)
+        description = describe_path(name, data, robot, **options)
     if as_json:
         print_json(description)
         return

@@ -6,7 +6,7 @@ its own is there.
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from importlib import import_module
 from pathlib import Path
@@ -75,6 +75,21 @@ class Glance:
 
 
 @dataclass(frozen=True, slots=True)
+class Contents:
+    """What a log with topics holds, and what of it is read.
+
+    Attributes:
+        topics: name, type, messages and rate_hz of each.
+        used: which topics and frames are taken, and what was told from them; values are what JSON can hold.
+        problem: why it cannot be replayed, or None.
+    """
+
+    topics: tuple[Mapping[str, object], ...]
+    used: Mapping[str, object]
+    problem: str | None
+
+
+@dataclass(frozen=True, slots=True)
 class WithoutScans:
     """A recording that lacks its scans: what its other sensors tell. ``wheel_path`` is in m."""
 
@@ -118,6 +133,10 @@ class Reader:
     def glance(self, place: Place) -> Glance:
         """Its sensors and length, found quickly."""
         return Glance("lidar, odometry")
+
+    def contents(self, place: Place, options: LoadOptions) -> Contents | None:
+        """What a log with topics holds; None for formats without. Raises InputError if it cannot be opened."""
+        return None
 
     def without_scans(self, place: Place, options: LoadOptions) -> WithoutScans | None:
         """What can be told of a recording that lacks just its scans; None for any other."""

@@ -27,7 +27,21 @@ def describe_path(
     place, chosen = find(name_or_path, data, make_demo=True), LoadOptions(robot, **options)
     if (sensors := format_named(place.format).reader.without_scans(place, chosen)) is not None:
         return describe_sensors(place, sensors)
-    return describe(load_place(place, data, chosen))
+    contents = format_named(place.format).reader.contents(place, chosen)
+    if contents is None:
+        return describe(load_place(place, data, chosen))
+    topics = {"topics": [dict(topic) for topic in contents.topics], "used": dict(contents.used)}
+    if contents.problem is None:
+        return describe(load_place(place, data, chosen)) | topics
+    return {
+        "name": place.name,
+        "format": place.format,
+        "path": str(place.path),
+        "verdict": f"cannot be replayed: {contents.problem}",
+        "findings": [],
+        "notes": [],
+        **topics,
+    }
 
 
 def describe(recording: Recording) -> Description:

@@ -6,7 +6,7 @@ comes from /tf_static, else /tf, through any chain of frames. Stamps are those o
 
 import math
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -38,12 +38,10 @@ class Drive:
     Attributes:
         recording: as every format gives it.
         used: what was chosen, for ``info``; values are what JSON can hold.
-        beam_times: (B,) s after the scan's stamp at which each beam of the recording's lidar is measured, or None.
     """
 
     recording: Recording
     used: dict[str, object] = field(default_factory=dict)
-    beam_times: Array | None = None
 
 
 def load(
@@ -85,16 +83,24 @@ def read(
         return _read(bag, name or recording_name(path), scan_topic, odom_topic, (base_frame or "").strip("/"))
 
 
+@dataclass(frozen=True, slots=True)
+class Description:
+    """What a bag holds: ``topics`` (name, type, messages, rate_hz), and what of it would be replayed.
+
+    ``used`` is empty where ``problem`` says why it cannot be replayed; values are what JSON can hold.
+    """
+
+    topics: tuple[dict[str, object], ...]
+    used: dict[str, object]
+    problem: str | None
+
+
 def describe(
     path: Path, *, scan_topic: str | None = None, odom_topic: str | None = None, base_frame: str | None = None
-) -> dict[str, object]:
-    """What a bag holds and what of it would be replayed; values are what JSON can hold.
-
-    ``topics`` (name, type, messages, rate_hz), ``used`` (empty when it cannot be replayed), ``problem`` (None, or why
-    it cannot be replayed), ``notes``. Raises InputError when the file cannot be opened at all.
-    """
+) -> Description:
+    """What a bag holds and what of it would be replayed. Raises InputError when it cannot be opened at all."""
     with Bag(path) as bag:
-        topics = [
+        topics: tuple[dict[str, object], ...] = tuple(
             {
                 "name": topic.name,
                 "type": short_type(topic.type),
@@ -104,22 +110,12 @@ def describe(
                 else None,
             }
             for topic in bag.topics.values()
-        ]
-        out: dict[str, object] = {
-            "path": str(path),
-            "ros": bag.ros,
-            "duration_s": round(bag.duration, 3),
-            "topics": topics,
-            "used": {},
-            "problem": None,
-        }
+        )
         try:
             drive = _read(bag, recording_name(path), scan_topic, odom_topic, (base_frame or "").strip("/"))
         except InputError as error:
-            out |= {"problem": str(error).removeprefix(f"{path}: "), "notes": list(bag.notes)}
-        else:
-            out |= {"used": drive.used, "notes": list(drive.recording.notes)}
-        return out
+            return Description(topics, {}, str(error).removeprefix(f"{path}: "))
+        return Description(topics, drive.used, None)
 
 
 def _read(bag: Bag, name: str, scan_topic: str | None, odom_topic: str | None, base_frame: str) -> Drive:
@@ -208,7 +204,7 @@ def _read(bag: Bag, name: str, scan_topic: str | None, odom_topic: str | None, b
     if beam_time is not None:
         beam_times = beam_time * np.arange(len(angles), dtype=np.float64)
         beam_times = beam_times[::-1].copy() if backwards else beam_times
-    return Drive(recording, used, beam_times)
+    return Drive(replace(recording, beam_times=beam_times), used)
 
 
 def _place(transforms: Transforms, odometry: Odometry, frame: str, base_frame: str) -> tuple[str, Array | None]:

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from pfslam_viz.recordings import ros_claims
-from pfslam_viz.recordings.formats import Format, Glance, LoadOptions, Place, Reader
+from pfslam_viz.recordings.formats import Contents, Format, Glance, LoadOptions, Place, Reader
 from pfslam_viz.recordings.recording import Recording
 
 
@@ -21,6 +21,18 @@ class RosReader(Reader):
             odom_topic=options.odom_topic,
             base_frame=options.base_frame,
         )
+
+    def contents(self, place: Place, options: LoadOptions) -> Contents:
+        """Topics, types, counts and rates, and what of them is read."""
+        from pfslam_viz.recordings import ros
+
+        about = ros.describe(
+            place.path,
+            scan_topic=options.scan_topic,
+            odom_topic=options.odom_topic,
+            base_frame=options.base_frame,
+        )
+        return Contents(about.topics, about.used, about.problem)
 
     def find(self, folder: Path, row: Format) -> list[Place]:
         """The folder itself if it is a ROS 2 bag, else the bags in it."""

