@@ -268,7 +268,7 @@ class Recording:
         if not np.array_equal(kept, np.arange(len(times))):
             readings, steps = readings[kept], geometry.increments(geometry.accumulate(steps)[kept])
         farthest = max(float(readings.max()), 1.0) if range_max is None else range_max
-        made = cls(
+        return cls(
             name=name,
             format=format,
             path=path,
@@ -283,11 +283,6 @@ class Recording:
             streams=tuple(streams),
             beam_times=None if beam_times is None else np.asarray(beam_times),
         )
-        if path is not None:  # a reader made it; the catalog has it looked at
-            return made
-        from pfslam_viz.recordings.no_return import without_sentinels
-
-        return without_sentinels(made)
 
     def __len__(self) -> int:
         return len(self.stamps)

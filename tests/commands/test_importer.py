@@ -9,7 +9,7 @@ from pfslam_viz.commands import importer
 from pfslam_viz.commands.importer import NOT_OURS, main, may_be_ours
 
 Started = list[tuple[object, ...]]
-LOG = "FLASER 3 1.0 1.0 1.0 0 0 0 0 0 0 {t} host {t}\n"
+LOG = "FLASER 3 {a:.2f} 1.50 1.20 0 0 0 {x:.1f} 0 0 {t} host {t}\n"
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def started(monkeypatch: pytest.MonkeyPatch) -> Started:
 
 def carmen_log(folder: Path, name: str = "drive.clf") -> Path:
     path = folder / name
-    path.write_text("# a log\n" + "".join(LOG.format(t=k) for k in range(5)))
+    path.write_text("# a log\n" + "".join(LOG.format(t=k, a=2 - 0.1 * k, x=0.1 * k) for k in range(5)))
     return path
 
 

@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
+from pfslam_viz.recordings.checking.check import check
 from pfslam_viz.recordings.no_return import find, without_sentinels
 from pfslam_viz.recordings.recording import Lidar, Recording
 from pfslam_viz.simulation.sensors import true_ranges
@@ -173,6 +174,6 @@ def test_without_odometry_it_is_told_from_what_changes_in_the_scans() -> None:
 def test_arrays_in_memory_are_looked_at_as_well() -> None:
     seen = drive(HALL, ahead(150))
     short = np.minimum(seen.ranges, np.float32(8.0))
-    made = Recording.from_arrays(seen.stamps, short, ANGLES, seen.odometry)
+    made = check(Recording.from_arrays(seen.stamps, short, ANGLES, seen.odometry))
     assert made.lidar.range_max == pytest.approx(7.9995)
     assert any("8.00 m" in note for note in made.notes)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from pfslam_viz.recordings.checking.agreement import disagreement, explains_better, pairs_apart
 from pfslam_viz.recordings.checking.draft import Draft
 from pfslam_viz.recordings.checking.odometry import LENGTHS
+from pfslam_viz.recordings.no_return import without_sentinels
 from pfslam_viz.recordings.recording import Lidar, Recording
 
 Array = NDArray[np.float64]
@@ -102,6 +103,13 @@ def _moves_as(recording: Recording, factor: float, limits_hold: bool) -> bool:
     given = fit(factor, farthest)
     others = [f for f in (1.0, *LENGTHS) if f != factor]
     return all(explains_better(given, fit(f, max(float(recording.ranges.max()), 1.0))) for f in others)
+
+
+def check_no_return(draft: Draft) -> None:
+    """Values that stand for no return are told from the readings, and lie above the lidar's greatest range then."""
+    told = without_sentinels(draft.recording)
+    if told is not draft.recording:
+        draft.mend(lidar=told.lidar, notes=told.notes)
 
 
 def check_far(draft: Draft) -> None:

@@ -13,6 +13,7 @@ STAGES = (
     clocks.check_stray,
     beams.check_angles,
     beams.check_unit,
+    beams.check_no_return,
     beams.check_far,
     beams.check_returns,
     odometry.check_odometry,
