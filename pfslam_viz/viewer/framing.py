@@ -53,13 +53,14 @@ class Framing:
         poses = recording.dead_reckoning()
         lidar = recording.lidar
         chosen = np.unique(np.linspace(0, len(poses) - 1, SAMPLED_SCANS).astype(int))
-        points = [poses[:, :2]]
+        points = []
         for k in chosen:
             ranges = recording.ranges[k].astype(np.float64)
             valid = (ranges >= lidar.range_min) & (ranges <= lidar.range_max)
             beams = np.stack([np.cos(lidar.angles), np.sin(lidar.angles)], axis=-1)[valid] * ranges[valid, None]
             points.append(geometry.transform(poses[k], geometry.transform(lidar.pose, beams)))
-        low, high = np.percentile(np.concatenate(points[1:]), OUTLIERS, axis=0)
+        seen = np.concatenate(points)
+        low, high = np.percentile(seen if len(seen) else poses[:, :2], OUTLIERS, axis=0)
         return cls.of_box(np.minimum(low, poses[:, :2].min(axis=0)), np.maximum(high, poses[:, :2].max(axis=0)), aspect)
 
     @classmethod
