@@ -77,6 +77,27 @@ def accumulate(increments: ArrayLike, start: ArrayLike = (0.0, 0.0, 0.0)) -> Arr
     )
 
 
+def twist(increments: ArrayLike) -> Array:
+    """The steady motion ``(..., 3)`` whose unit of time leads through each increment: its logarithm in SE(2)."""
+    p = np.asarray(increments, dtype=np.float64)
+    half = 0.5 * p[..., 2]
+    # V(theta)⁻¹ of the position, with theta / 2 / tan(theta / 2) on its diagonal.
+    along = np.cos(half) / np.sinc(half / np.pi)
+    return np.stack([along * p[..., 0] + half * p[..., 1], along * p[..., 1] - half * p[..., 0], p[..., 2]], axis=-1)
+
+
+def steady_motion(twists: ArrayLike) -> Array:
+    """The increments ``(..., 3)`` that steady motions lead to in a unit of time: the reverse of :func:`twist`.
+
+    The robot goes along an arc: equation (17), with a motion to the side besides.
+    """
+    v = np.asarray(twists, dtype=np.float64)
+    half = 0.5 * v[..., 2]
+    chord = np.sinc(half / np.pi)
+    c, s = chord * np.cos(half), chord * np.sin(half)
+    return np.stack([c * v[..., 0] - s * v[..., 1], s * v[..., 0] + c * v[..., 1], v[..., 2]], axis=-1)
+
+
 def mean_pose(poses: ArrayLike, weights: ArrayLike) -> Array:
     """The weighted mean of ``(n, 3)`` poses, equation (33), with the circular mean of the headings."""
     p, w = np.asarray(poses, dtype=np.float64), np.asarray(weights, dtype=np.float64)

@@ -12,6 +12,7 @@ from pfslam_viz import geometry
 from pfslam_viz.config import Config
 from pfslam_viz.errors import PfslamError
 from pfslam_viz.recordings.checking.check import check, refuse_wrong
+from pfslam_viz.recordings.motion import twists as twists_of
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.slam.backends import make_slam
 from pfslam_viz.slam.background_grid import BackgroundGrid
@@ -156,11 +157,15 @@ class Replay:
     def _steps(self) -> Iterator[Step]:
         """Algorithm 1, scan by scan, with dead reckoning beside it."""
         recording, slam, painter = self.recording, self.slam, self.painter
-        reader = ScanReader.of(recording.lidar, self.config.observation)
-        times = recording.times
+        reader = ScanReader.of(recording.lidar, self.config.observation, recording.beam_times)
+        times, twists = (
+            recording.times,
+            None if reader.beam_times is None else twists_of(recording.odometry, recording.stamps),
+        )
         for k in range(self._done, len(recording)):
             clock = _Clock(self._seconds, k)
-            scan = reader.read(k, float(recording.stamps[k]), recording.ranges[k])
+            motion = None if twists is None else twists[k : k + 2]
+            scan = reader.read(k, float(recording.stamps[k]), recording.ranges[k], motion)
             reckoned = self._dead_reckoning[k]
             if k > 0:  # the first scan is at the origin
                 known = recording.odometry_known is None or bool(recording.odometry_known[k])

@@ -5,11 +5,16 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic_core import PydanticCustomError
 
 Meters = Annotated[float, Field(allow_inf_nan=False)]
 Radians = Annotated[float, Field(allow_inf_nan=False, ge=-math.pi, le=math.pi)]
+Turn = Annotated[float, Field(allow_inf_nan=False, ge=-2 * math.pi, le=2 * math.pi)]
 Position = tuple[Meters, Meters, Meters]
+
+LEVEL = 0.1
+"""rad; a lidar that leans no more than this is taken as level."""
 
 
 class _Model(BaseModel):
@@ -17,10 +22,35 @@ class _Model(BaseModel):
 
 
 class LidarMount(_Model):
-    """Where the lidar sits: metres in the robot's frame (height from the axle), yaw in rad."""
+    """Where the lidar sits: ``position`` m in the robot's frame (height from the axle), turned by R_z(yaw) R_x(roll).
+
+    ``yaw`` rad, counter-clockwise from the robot's x axis; ``roll`` is 0, or pi where the lidar hangs upside down;
+    ``pitch`` is 0: a scan is one of a level plane. Roll and pitch may be off by :data:`LEVEL`.
+    """
 
     position: Position
-    yaw: Radians = 0.0
+    yaw: Turn = 0.0
+    pitch: Turn = 0.0
+    roll: Turn = 0.0
+
+    @field_validator("pitch")
+    @classmethod
+    def _level(cls, pitch: float) -> float:
+        if abs(math.remainder(pitch, 2 * math.pi)) > LEVEL:
+            raise PydanticCustomError("mount", "a lidar that looks up or down scans no level plane; 0 rad is expected")
+        return pitch
+
+    @field_validator("roll")
+    @classmethod
+    def _upright_or_upside_down(cls, roll: float) -> float:
+        if abs(math.remainder(roll, math.pi)) > LEVEL:
+            raise PydanticCustomError("mount", "0 rad is expected, or 3.14159 for a lidar that hangs upside down")
+        return roll
+
+    @property
+    def upside_down(self) -> bool:
+        """Whether it is mounted with its z axis down, so that it turns the other way round."""
+        return math.cos(self.roll) < 0
 
 
 class Intrinsics(_Model):

@@ -33,6 +33,7 @@ class ScanConfig(Section):
 
     max_range: float | None = setting(None, "longer beams are not used; none: the lidar's own limit", "m", gt=0)
     max_beams: int | None = setting(None, "a scan is thinned to at most so many beams; none: all of them", ge=1)
+    deskew: bool = setting(True, "correct end points by the odometry's motion during the scan, where beams have a time")
 
 
 class MapConfig(Section):

@@ -103,3 +103,21 @@ def test_interpolate_poses_holds_the_ends_and_crosses_the_seam() -> None:
     assert abs(at[1, 2]) == pytest.approx(math.pi)
     np.testing.assert_allclose(at[2], poses[1])
     np.testing.assert_allclose(at[3], [0.5, 1, math.pi - 0.05])
+
+
+def test_a_steady_motion_by_hand() -> None:
+    # A quarter turn to the left over an arc of 1 m radius ends 1 m ahead and 1 m to the left.
+    assert geometry.steady_motion([QUARTER, 0.0, QUARTER]) == pytest.approx([1, 1, QUARTER])
+    assert geometry.twist([1.0, 1.0, QUARTER]) == pytest.approx([QUARTER, 0, QUARTER])
+    assert geometry.twist([2.0, -1.0, 0.0]) == pytest.approx([2, -1, 0])
+    # Half the time leads to half the heading, 45 degrees along the same circle.
+    half = geometry.steady_motion(0.5 * geometry.twist([1.0, 1.0, QUARTER]))
+    assert half == pytest.approx([math.sin(math.pi / 4), 1 - math.cos(math.pi / 4), math.pi / 4])
+
+
+def test_twist_and_steady_motion_are_each_others_reverse() -> None:
+    steps = random_poses(50) * [1, 1, 0.9]
+    np.testing.assert_allclose(geometry.steady_motion(geometry.twist(steps)), steps, atol=1e-12)
+    # Two halves one after the other are the whole.
+    half = geometry.steady_motion(0.5 * geometry.twist(steps))
+    np.testing.assert_allclose(geometry.compose(half, half), steps, atol=1e-12)

@@ -1,12 +1,14 @@
 """The robot files against RobotConfiguration.pdf's numbers, and the camera's matrix against (36) and (37)."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 from pydantic import ValidationError
 
 from pfslam_viz.config import load_robot
+from pfslam_viz.errors import InputError
 from pfslam_viz.robot import CameraGeometry, LidarMount, Robot
 
 
@@ -67,3 +69,20 @@ def test_impossible_robots_are_refused(change: dict[str, float]) -> None:
     values = load_robot().model_dump() | change
     with pytest.raises(ValidationError):
         Robot.model_validate(values)
+
+
+@pytest.mark.parametrize("roll", [math.pi, -3.1416, 3.1])
+def test_a_lidar_may_hang_upside_down(roll: float) -> None:
+    assert LidarMount(position=(0.0, 0.0, 0.0), roll=roll, yaw=3.1416).upside_down
+    assert not LidarMount(position=(0.0, 0.0, 0.0), roll=0.05, pitch=-0.05).upside_down
+
+
+@pytest.mark.parametrize(("turn", "expected"), [("roll", "upside down"), ("pitch", "level plane")])
+def test_a_lidar_that_leans_is_refused(turn: str, expected: str, tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text(
+        "axle_height = 0.1\nwheel_diameter = 0.2\nticks_per_revolution = 10\n"
+        f"[lidar]\nposition = [0.0, 0.0, 0.0]\n{turn} = 0.5\n"
+    )
+    with pytest.raises(InputError, match=rf"robot\.toml: 'lidar\.{turn}' = 0\.5: .*{expected}"):
+        load_robot(path)

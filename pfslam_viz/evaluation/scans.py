@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
+from pfslam_viz.recordings.motion import displaced, twists
 from pfslam_viz.recordings.recording import Recording
 
 Array = NDArray[np.float64]
@@ -38,7 +39,10 @@ def key_scans(recording: Recording, distance: float = 0.25, angle: float = 0.35)
 
 
 def end_points(recording: Recording, scans: NDArray[np.intp], most: int | None = None) -> EndPoints:
-    """The end points of ``scans`` in the robot's frame, no-returns left out, evenly thinned to at most ``most``."""
+    """The end points of ``scans`` in the robot's frame, no-returns left out, evenly thinned to at most ``most``.
+
+    Where beams have times, as seen from the pose at the scan's stamp, by odometry.
+    """
     lidar = recording.lidar
     ranges = recording.ranges[scans].astype(np.float64)
     row, beam = np.nonzero((ranges >= lidar.range_min) & (ranges <= lidar.range_max))
@@ -47,4 +51,9 @@ def end_points(recording: Recording, scans: NDArray[np.intp], most: int | None =
         row, beam = row[kept], beam[kept]
     angles = lidar.angles[beam]
     returns = ranges[row, beam][:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    return EndPoints(geometry.transform(lidar.pose, returns), scans[row])
+    points = geometry.transform(lidar.pose, returns)
+    if recording.beam_times is not None:
+        times = recording.beam_times[beam]
+        speeds = twists(recording.odometry, recording.stamps)[scans[row] + (times > 0)]
+        points = displaced(points, times[:, None] * speeds)
+    return EndPoints(points, scans[row])

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pfslam_viz.config import load_robot
 from pfslam_viz.errors import InputError
 from pfslam_viz.recordings import npz
+from pfslam_viz.recordings.beam_angles import beam_angles, increment_of
 from pfslam_viz.recordings.checking import units
 from pfslam_viz.recordings.ece276a_frames import KINECT, read_frames
 from pfslam_viz.recordings.recording import Lidar, Recording, Stream, Trajectory
@@ -192,13 +193,17 @@ def _read_scans(path: Path, robot: Robot, notes: list[str]) -> _Scans:
     arrays = npz.read_arrays(path, ["ranges", "time_stamps", *limits], ["angle_increment"])
     stamps = npz.vector(arrays, "time_stamps", path)
     angle_min, angle_max, range_min, range_max = (npz.scalar(arrays, key, path) for key in limits)
-    if not (angle_min < angle_max and 0 <= range_min < range_max):
+    increment = increment_of(arrays)
+    if (angle_min == angle_max and not increment) or not 0 <= range_min < range_max:
         raise InputError(f"{path}: angle or range limits are the wrong way round")
     by_beam = npz.matrix(arrays, "ranges", path, -1, len(stamps))
     if len(stamps) == 0 or len(by_beam) == 0:
         raise InputError(f"{path}: holds no scans")
-    increment = npz.scalar(arrays, "angle_increment", path) if "angle_increment" in arrays else None
-    angles = _beam_angles(path, len(by_beam), angle_min, angle_max, increment, notes)
+    angles = beam_angles(len(by_beam), (angle_min, angle_max), increment, notes)
+    if robot.lidar.upside_down:
+        angles = -angles
+    if len(angles) > 1 and angles[1] < angles[0]:  # scan matching takes beams in the order of their angles
+        angles, by_beam = angles[::-1].copy(), by_beam[::-1]
     with np.errstate(over="ignore", invalid="ignore"):
         ranges = np.ascontiguousarray(by_beam.T, dtype=np.float32)
     if bad := int((~np.isfinite(ranges)).sum()):
@@ -212,22 +217,6 @@ def _read_scans(path: Path, robot: Robot, notes: list[str]) -> _Scans:
     x, y, z = robot.lidar.position
     pose = np.array([x, y, robot.lidar.yaw])
     return _Scans(stamps, ranges, Lidar(angles, range_min, range_max, pose, z + robot.axle_height))
-
-
-def _beam_angles(
-    path: Path, beams: int, angle_min: float, angle_max: float, increment: float | None, notes: list[str]
-) -> Array:
-    angles = np.linspace(angle_min, angle_max, beams)
-    if increment is None or beams == 1:
-        return angles
-    expected = (angle_max - angle_min) / increment + 1
-    if abs(expected - beams) > 1.5:
-        raise InputError(
-            f"{path}: ranges has {beams} beams, but angle_min, angle_max and angle_increment make {expected:.0f}"
-        )
-    if abs(expected - beams) > 0.5:
-        notes.append(f"lidar: {beams} beams spread over the angle limits; angle_increment would make {expected:.0f}")
-    return angles
 
 
 def _require_samples(path: Path, stamps: Array) -> None:

@@ -15,6 +15,7 @@ from pfslam_viz import geometry
 from pfslam_viz.errors import InputError
 from pfslam_viz.recordings import checks
 from pfslam_viz.recordings.findings import Finding
+from pfslam_viz.recordings.motion import poses_of, steps_of
 from pfslam_viz.recordings.stamps import distinct_scans
 from pfslam_viz.robot import CameraGeometry
 
@@ -158,6 +159,8 @@ class Recording:
         odometry_known: (n,) bool, False where ``odometry`` is but a guess, in place of a step that cannot be; None
             where all of it was measured.
         checked: whether it went through :func:`~pfslam_viz.recordings.checking.check.check`.
+        beam_times: (B,) s after the scan's stamp at which each beam was measured, below 0 before it; None where all of
+            a scan is taken as of one moment.
     """
 
     name: str
@@ -175,6 +178,7 @@ class Recording:
     findings: tuple[Finding, ...] = field(default_factory=tuple)
     odometry_known: NDArray[np.bool_] | None = None
     checked: bool = False
+    beam_times: Array | None = None
 
     def __post_init__(self) -> None:
         whose = self.path or self.name
@@ -194,6 +198,10 @@ class Recording:
             if known.dtype != bool or known.shape != (len(stamps),):
                 raise InputError(f"{whose}: odometry_known is no bool for every scan; ({len(stamps)},) is expected")
             _set(self, odometry_known=known)
+        if self.beam_times is not None:
+            beams = len(self.lidar.angles)
+            times = checks.vector(self.beam_times, f"{whose}: beam_times", beams, ", a time for every beam")
+            _set(self, beam_times=times)
 
     @classmethod
     def from_arrays(
@@ -214,6 +222,7 @@ class Recording:
         frames: Frames | None = None,
         notes: Iterable[str] = (),
         streams: Iterable[Stream] = (),
+        beam_times: ArrayLike | None = None,
         format: str = "arrays",
         path: Path | None = None,
     ) -> "Recording":
@@ -231,12 +240,13 @@ class Recording:
             odometry_poses: (n, 3) poses by odometry at the scans instead, in any one frame. With neither, the robot is
                 taken to rest, and the filter has the scans alone.
             range_min: a smaller range (m) is no return.
-            range_max: a larger range (m) is no return; None takes every finite range as a return.
+            range_max: a larger range (m) is no return; None takes every finite range as a return. A value that the
+                readings show to stand for no return is none in any case; the notes say so.
             lidar_pose: x, y (m), yaw (rad) of the lidar in the robot's frame.
             lidar_height: m above the ground.
             name: what to call it.
             truth: true poses of the robot, (n, 3) at the scans or a Trajectory with stamps of its own, if known.
-            relations, frames, notes, streams, format, path: as in the class.
+            relations, frames, notes, streams, beam_times, format, path: as in the class.
 
         Raises:
             InputError: an array has another shape, or numbers that are none; there are no scans; both kinds of
@@ -248,15 +258,17 @@ class Recording:
         readings, bad = checks.ranges(ranges, f"{name}: ranges", len(times), len(beams))
         if bad:
             said.append(f"lidar: {bad} ranges that are NaN or infinite taken as no return")
-        steps = _steps(name, len(times), odometry, odometry_poses, said)
-        true = truth if isinstance(truth, Trajectory) or truth is None else _poses(truth, f"{name}: truth", len(times))
+        steps = steps_of(name, len(times), odometry, odometry_poses, said)
+        true = (
+            truth if isinstance(truth, Trajectory) or truth is None else poses_of(truth, f"{name}: truth", len(times))
+        )
         kept, in_order = distinct_scans(times, readings, said)
         if len(kept) == 0:
             raise InputError(f"{name}: stamps holds no scan with a finite stamp; one or more are expected")
         if not np.array_equal(kept, np.arange(len(times))):
             readings, steps = readings[kept], geometry.increments(geometry.accumulate(steps)[kept])
         farthest = max(float(readings.max()), 1.0) if range_max is None else range_max
-        return cls(
+        made = cls(
             name=name,
             format=format,
             path=path,
@@ -269,7 +281,13 @@ class Recording:
             relations=relations,
             notes=tuple(said),
             streams=tuple(streams),
+            beam_times=None if beam_times is None else np.asarray(beam_times),
         )
+        if path is not None:  # a reader made it; the catalog has it looked at
+            return made
+        from pfslam_viz.recordings.no_return import without_sentinels
+
+        return without_sentinels(made)
 
     def __len__(self) -> int:
         return len(self.stamps)
@@ -298,26 +316,6 @@ class Recording:
             unknown = np.cumsum(~known)[kept]
             known = np.diff(unknown, prepend=unknown[:1]) == 0
         return replace(self, stamps=self.stamps[kept], ranges=self.ranges[kept], odometry=steps, odometry_known=known)
-
-
-def _steps(
-    name: str, scans: int, odometry: ArrayLike | None, odometry_poses: ArrayLike | None, notes: list[str]
-) -> Array:
-    """Motion (n, 3) from scan to scan, from whichever kind of odometry is given."""
-    if odometry is not None and odometry_poses is not None:
-        raise InputError(f"{name}: odometry and odometry_poses are both given; one of them is expected")
-    if odometry_poses is not None:
-        return geometry.increments(_poses(odometry_poses, f"{name}: odometry_poses", scans))
-    if odometry is not None:
-        steps = _poses(odometry, f"{name}: odometry", scans).copy()
-        steps[:1] = 0.0
-        return steps
-    notes.append("odometry: none is given; the robot is taken to rest, and the filter has the scans alone")
-    return np.zeros((scans, 3))
-
-
-def _poses(value: ArrayLike, what: str, scans: int) -> Array:
-    return checks.poses(value, what, scans, ", a row for every scan")
 
 
 def _set(value: object, **fields: object) -> None:

@@ -7,8 +7,12 @@ import numpy as np
 import pytest
 
 from pfslam_viz import geometry
+from pfslam_viz.config import load_robot
 from pfslam_viz.errors import InputError
 from pfslam_viz.recordings import ece276a
+from pfslam_viz.robot import LidarMount
+from pfslam_viz.settings import ScanConfig
+from pfslam_viz.slam.scan_reader import ScanReader
 
 # As in conftest's tiny_set: ten ticks of pi * 0.254 / 360 m forty times a second, on a circle.
 SPEED = 10 * np.pi * 0.254 / 360 * 40
@@ -34,8 +38,6 @@ def test_streams_come_to_the_lidar_stamps(write_set: WriteSet) -> None:
 
 
 def test_another_robot_has_other_wheels(write_set: WriteSet) -> None:
-    from pfslam_viz.config import load_robot
-
     robot = load_robot().model_copy(update={"wheel_diameter": 0.508})
     folder = write_set()
     assert geometry.path_length(ece276a.load(folder, robot=robot).dead_reckoning()) == pytest.approx(
@@ -225,7 +227,7 @@ def test_imu_that_ends_early_is_at_rest_then(write_set: WriteSet) -> None:
         ("Encoders", {"counts": np.ones((4, 9))}, r"Encoders7\.npz: counts is 4 x 9"),
         ("Encoders", {"counts": np.ones((3, 81))}, r"Encoders7\.npz: counts is 3 x 81"),
         ("Imu", {"angular_velocity": np.ones(9)}, r"Imu7\.npz: angular_velocity is 9"),
-        ("Hokuyo", {"ranges": np.ones((9, 11))}, r"Hokuyo7\.npz: ranges has 9 beams.* make 3"),
+        ("Hokuyo", {"angle_min": 0.5, "angle_increment": None}, r"Hokuyo7\.npz: angle or range limits"),
         ("Hokuyo", {"angle_min": np.array([0.0, 1.0])}, r"Hokuyo7\.npz: angle_min should be one finite number"),
         ("Hokuyo", {"range_max": 0.05}, r"Hokuyo7\.npz: angle or range limits"),
         ("Hokuyo", {"range_max": np.nan}, r"Hokuyo7\.npz: range_max should be one finite"),
@@ -299,3 +301,29 @@ def test_twin_of_set_21(shared_data: Path) -> None:
     assert sum(path is not None for path in recording.frames.color_paths) == 183
     assert np.hypot(*recording.dead_reckoning()[-1, :2]) == pytest.approx(3.15, abs=0.05)
     assert len(recording.truth.stamps) == 4785
+
+
+def test_beams_that_run_clockwise_are_turned_round(write_set: WriteSet) -> None:
+    """Ranges 1, 2, 3 m at 0.6, 0.1, -0.4 rad: what is read has them from right to left."""
+    ranges = np.tile([[1.0], [2.0], [3.0]], 11)
+    folder = write_set(Hokuyo={"ranges": ranges, "angle_min": 0.6, "angle_max": -0.4, "angle_increment": -0.5})
+    recording = ece276a.load(folder)
+    np.testing.assert_allclose(recording.lidar.angles, [-0.4, 0.1, 0.6])
+    np.testing.assert_array_equal(recording.ranges, np.tile([3.0, 2.0, 1.0], (11, 1)))
+    assert recording.notes == ()
+
+
+def test_a_lidar_upside_down_mirrors_its_beams(write_set: WriteSet) -> None:
+    """Upside down and looking back at (0.3, 0.1): a range of 2 m at 0.5 rad to what it takes for its left.
+
+    Its left is the robot's left, as it looks back: R_z(pi) R_x(pi) (cos 0.5, sin 0.5) = (-cos 0.5, sin 0.5).
+    """
+    robot = load_robot().model_copy(
+        update={"lidar": LidarMount(position=(0.3, 0.1, 0.5), yaw=3.14159265, roll=3.14159265)}
+    )
+    recording = ece276a.load(write_set(Hokuyo={"ranges": np.tile([[1.0], [1.5], [2.0]], 11)}), robot=robot)
+    assert (np.diff(recording.lidar.angles) > 0).all()
+    points = ScanReader.of(recording.lidar, ScanConfig()).read(0, 0.0, recording.ranges[0]).points
+    c, s = np.cos(0.5), np.sin(0.5)
+    expected = np.array([[0.3 - 2 * c, 0.1 + 2 * s], [0.3 - 1.5, 0.1], [0.3 - c, 0.1 - s]])
+    np.testing.assert_allclose(points, expected, atol=1e-6)

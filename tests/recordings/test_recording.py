@@ -215,3 +215,17 @@ def test_more_ranges_than_angles_are_an_error_and_no_crash() -> None:
         Recording.from_arrays(np.arange(50), np.ones((50, 1081)), np.linspace(-2, 2, 100))
     with pytest.raises(InputError, match=r"looks transposed"):
         Recording.from_arrays(np.arange(50), np.ones((1081, 50)), np.linspace(-2, 2, 1081))
+
+
+def test_beam_times() -> None:
+    def made(times: list[float] | None) -> Recording:
+        return Recording.from_arrays([0.0, 1.0], np.ones((2, 3)), [-1.0, 0.0, 1.0], beam_times=times)
+
+    times = made([0, 1, 2]).beam_times
+    assert times is not None and times.dtype == np.float64
+    np.testing.assert_array_equal(made([0, 1, 2]).select(1).beam_times, times)
+    assert made(None).beam_times is None
+    with pytest.raises(InputError, match=r"beam_times has shape \(2,\); \(3,\) is expected, a time for every beam"):
+        made([0.0, 1.0])
+    with pytest.raises(InputError, match=r"beam_times is inf at \[2\]"):
+        made([0.0, 0.0, math.inf])

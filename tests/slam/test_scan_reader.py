@@ -48,3 +48,35 @@ def test_thinning_keeps_the_first_and_the_last_beam() -> None:
     np.testing.assert_allclose(np.arctan2(points[:, 1], points[:, 0]), [-1, -0.5, 0, 0.5, 1], atol=1e-12)
     single = ScanReader.of(scanner, ScanConfig(max_beams=1)).read(0, 0.0, np.full(101, 2.0, np.float32))
     assert len(single.points) == 1
+
+
+TURNING = np.array([[0.0, 0.0, math.pi], [0.0, 0.0, 2 * math.pi]])  # rad/s before and after the stamp
+
+
+def test_beams_are_seen_from_where_the_robot_was_then() -> None:
+    """The robot turns in place, by 45 degrees in the quarter second before the stamp and 90 in that after it.
+
+    The right beam (of the lidar at (0.3, 0.1)) ends at (0.3, -0.9) then, 45 degrees before; the left at (0.3, 4.1).
+    """
+    reader = ScanReader.of(lidar(), ScanConfig(), np.array([-0.25, 0.0, 0.25]))
+    points = reader.read(0, 0.0, ranges(1, 2, 4), TURNING).points
+    h = math.sqrt(0.5)
+    np.testing.assert_allclose(points, [[h * (0.3 - 0.9), h * (-0.3 - 0.9)], [2.3, 0.1], [-4.1, 0.3]], atol=1e-12)
+    # Beams without a return are left out with their times.
+    np.testing.assert_allclose(reader.read(0, 0.0, ranges(0, 2, 4), TURNING).points, points[1:], atol=1e-12)
+
+
+def test_beams_of_a_robot_that_drives_on() -> None:
+    """2 m/s ahead: a beam of half a second later ends 1 m farther."""
+    reader = ScanReader.of(lidar(), ScanConfig(), np.array([0.0, 0.25, 0.5]))
+    points = reader.read(0, 0.0, ranges(1, 2, 4), np.array([[9.0, 9.0, 9.0], [2.0, 0.0, 0.0]])).points
+    np.testing.assert_allclose(points, [[0.3, -0.9], [2.8, 0.1], [1.3, 4.1]], atol=1e-12)
+
+
+def test_beam_times_may_be_left_alone() -> None:
+    times = np.array([-0.25, 0.0, 0.25])
+    plain = ScanReader.of(lidar(), ScanConfig()).read(0, 0.0, ranges(1, 2, 4)).points
+    for reader in (ScanReader.of(lidar(), ScanConfig(deskew=False), times), ScanReader.of(lidar(), ScanConfig())):
+        np.testing.assert_array_equal(reader.read(0, 0.0, ranges(1, 2, 4), TURNING).points, plain)
+    reader = ScanReader.of(lidar(), ScanConfig(), times)
+    np.testing.assert_array_equal(reader.read(0, 0.0, ranges(1, 2, 4)).points, plain)

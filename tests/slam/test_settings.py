@@ -3,6 +3,7 @@
 import hashlib
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
@@ -148,6 +149,9 @@ def differs(name: str, key: str, field: FieldInfo, *settings: str) -> bool:
     config = base(name, key, settings)
     section, _, own = key.rpartition(".")
     value = changed(key, field, getattr(getattr(config, section) if section else config, own))
+    if key == "observation.deskew":  # it is of use where beams have times
+        swept = replace(short_drive(), beam_times=np.linspace(-0.1, 0.0, 121))
+        return outcome(with_setting(config, key, value), swept) != outcome(config, swept)
     return outcome(with_setting(config, key, value), short_drive()) != usual(config)
 
 

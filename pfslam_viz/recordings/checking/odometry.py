@@ -133,6 +133,8 @@ def _check_absent(draft: Draft) -> None:
         f"odometry: there is none, or it is zero throughout; {seen}",
         "scans are matched with each other alone; add odometry if the robot has any" if moved else "",
     )
+    if moved:
+        draft.mend(odometry_known=np.zeros(len(recording), np.bool_))
 
 
 def _moved(recording: Recording, scans: NDArray[np.intp]) -> bool:
