@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from pfslam_viz.recordings.checking.agreement import disagreement, explains_better, pairs_apart
 from pfslam_viz.recordings.checking.draft import Draft
 from pfslam_viz.recordings.checking.odometry import LENGTHS
+from pfslam_viz.recordings.no_return import without_sentinels
 from pfslam_viz.recordings.recording import Lidar, Recording
 
 Array = NDArray[np.float64]
@@ -64,6 +65,7 @@ def check_unit(draft: Draft) -> None:
         farthest = lidar.range_max if above > 0.9 else lidar.range_max * factor
         nearest = lidar.range_min if above > 0.9 else lidar.range_min * factor
         draft.mend(ranges=ranges * np.float32(factor), lidar=replace(lidar, range_min=nearest, range_max=farthest))
+        draft.recording = without_sentinels(draft.recording)
         draft.add(
             "note",
             f"ranges_in_{unit}",
