@@ -36,6 +36,8 @@ _MOST_CANDIDATES = 30
 _RATIO = 5.0
 _BELOW = 0.05
 _BEYOND = 0.02
+# A median range (m) that asks for the unit.
+_UNUSUAL = 50.0
 # Two views are of one place if the quantiles of their ranges are within this (m), but for one of them.
 _SAME_VIEW = 0.1
 _QUANTILES = np.linspace(0.03, 0.97, 16)
@@ -82,6 +84,8 @@ def find(recording: Recording) -> list[Sentinel]:
     if len(places) < _FEWEST_PLACES:
         return []
     readings = recording.ranges[places]
+    if _not_metres(readings):
+        return []
     found: list[Sentinel] = []
     end, counted = _LAST_CODE + 1, 0
     for _ in range(3 if apart else 1):
@@ -105,6 +109,13 @@ def find(recording: Recording) -> list[Sentinel]:
         if low < _LAST_CODE or recording.lidar.range_max > low / _CODES_PER_METER:
             found.append(Sentinel(low / _CODES_PER_METER, high / _CODES_PER_METER, share))
     return found
+
+
+def _not_metres(readings: Ranges) -> bool:
+    """Whether most readings are farther than a lidar on a robot sees, and no code: their unit is to be told first."""
+    some = readings[:: max(1, len(readings) // 50)]
+    some = some[some > 0]
+    return bool(len(some) and np.median(some) > _UNUSUAL and len(np.unique(some)) > 20)
 
 
 def _places(recording: Recording) -> tuple[Counts, bool]:

@@ -65,6 +65,7 @@ def check_unit(draft: Draft) -> None:
         farthest = lidar.range_max if above > 0.9 else lidar.range_max * factor
         nearest = lidar.range_min if above > 0.9 else lidar.range_min * factor
         draft.mend(ranges=ranges * np.float32(factor), lidar=replace(lidar, range_min=nearest, range_max=farthest))
+        draft.recording = without_sentinels(draft.recording)
         draft.add(
             "note",
             f"ranges_in_{unit}",

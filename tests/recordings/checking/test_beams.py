@@ -81,10 +81,10 @@ def test_one_range_of_kilometres(ring: Any, only: Only, far: float, limit: float
 def test_far_walls_are_kept(ring: Any) -> None:
     """A lidar of long range in the open: one return in a hundred comes from 250 m."""
     ranges = ring.ranges.copy() * 3
-    ranges[::4, :7] = 250.0 + np.arange(7) / 8
+    ranges[::4, :7] = np.random.default_rng(3).normal(250.0, 1.0, ranges[::4, :7].shape)
     got = ring.checked(ranges=ranges, range_max=300.0, odometry=ring.odometry * (3, 3, 1))
     assert got.findings == ()
-    assert got.ranges.max() == 250.75
+    assert got.ranges.max() > 250
 
 
 @pytest.mark.parametrize("value", [0.0, 30.5, 81.83])
