@@ -59,10 +59,7 @@ class Framing:
             valid = (ranges >= lidar.range_min) & (ranges <= lidar.range_max)
             beams = np.stack([np.cos(lidar.angles), np.sin(lidar.angles)], axis=-1)[valid] * ranges[valid, None]
             points.append(geometry.transform(poses[k], geometry.transform(lidar.pose, beams)))
-        seen = np.concatenate(points[1:])
-        if len(seen) == 0:  # no scan has a return
-            return cls.of_box(poses[:, :2].min(axis=0), poses[:, :2].max(axis=0), aspect)
-        low, high = np.percentile(seen, OUTLIERS, axis=0)
+        low, high = np.percentile(np.concatenate(points[1:]), OUTLIERS, axis=0)
         return cls.of_box(np.minimum(low, poses[:, :2].min(axis=0)), np.maximum(high, poses[:, :2].max(axis=0)), aspect)
 
     @classmethod

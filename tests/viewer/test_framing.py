@@ -28,13 +28,6 @@ def test_the_recording_is_framed_before_the_run(corridor: "Corridor") -> None:
     assert 9.0 < framing.width < 11.5
 
 
-def test_a_recording_without_returns_is_framed_by_its_way(corridor: "Corridor") -> None:
-    blind = replace(corridor.recording, ranges=np.zeros_like(corridor.recording.ranges))
-    x, _ = blind.dead_reckoning()[:, :2].T
-    framing = Framing.of_recording(blind)
-    assert framing.center[0] == pytest.approx((x.min() + x.max()) / 2, abs=1e-9)
-
-
 def test_results_are_framed_by_the_filter_and_dead_reckoning_may_widen_it_a_little(corridor: "Corridor") -> None:
     result = corridor.result(list(corridor.steps()))
     framing = Framing.of_results([result])
