@@ -87,6 +87,7 @@ def find(recording: Recording) -> list[Sentinel]:
     if _not_metres(readings):
         return []
     found: list[Sentinel] = []
+    at_limit = 0.99 * recording.lidar.range_max * _CODES_PER_METER
     end, counted = _LAST_CODE + 1, 0
     for _ in range(3 if apart else 1):
         span = _spike(_histogram(readings, end), readings.size)
@@ -100,6 +101,8 @@ def find(recording: Recording) -> list[Sentinel]:
         low, high = span
         if found and high > _NEXT * end:
             break
+        if not ((readings > 0) & (readings < (low - 0.5) / _CODES_PER_METER)).any() and high < at_limit:
+            break  # the one value there is, and not the lidar's greatest range: nothing to compare it with
         above = int(np.count_nonzero(recording.ranges >= (low - 0.5) / _CODES_PER_METER))
         share = (above - counted) / recording.ranges.size
         if not apart and (share < _LEAST_SHARE_AT_REST or high - low > _CODES_AT_REST):

@@ -112,6 +112,11 @@ def test_nothing_but_no_return() -> None:
     assert not returns(made).any() and "(100 % of the readings)" in made.notes[0]
 
 
+def test_one_value_for_everything_below_the_limit_is_left() -> None:
+    seen = drive(HALL, ahead(60))
+    assert find(written(seen, np.full_like(seen.ranges, 2.0), 30.0)) == []
+
+
 STAND = np.zeros((400, 3))
 
 
