@@ -158,6 +158,7 @@ class Recording:
     relations: Relations | None = None
     notes: tuple[str, ...] = field(default_factory=tuple)
     streams: tuple[Stream, ...] = field(default_factory=tuple)
+    odometry_known: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         whose = self.path or self.name
