@@ -25,7 +25,7 @@ from pfslam_viz.simulation.sensors import true_ranges
 from pfslam_viz.slam.graph import loop_closing, smoothing
 from pfslam_viz.slam.graph.pose_graph import Constraints
 from pfslam_viz.slam.graph.scan_store import ScanStore
-from pfslam_viz.slam.graph.settings import LoopClosingConfig, ScanMatchingConfig, SmoothingConfig
+from pfslam_viz.slam.graph.settings import GraphConfig, LoopClosingConfig, ScanMatchingConfig, SmoothingConfig
 from pfslam_viz.slam.graph.smoothing import Smoother
 from pfslam_viz.slam.paper.settings import PaperConfig
 from pfslam_viz.slam.rbpf.settings import RbpfConfig
@@ -56,6 +56,19 @@ OTHER: dict[str, Any] = {
     "scan_matching.most_points": 40,
     "scan_matching.facing": 0.9999,
     "scan_matching.fewest_points": 110,
+    "rao_blackwellized.scan_good": 0.99,
+    "rao_blackwellized.scan_better": 0.0,
+    "rao_blackwellized.scan_near": 0.0,
+    "rao_blackwellized.scan_freedom": 1000.0,
+    "rao_blackwellized.scan_noise_distance": 10.0,
+    "rao_blackwellized.scan_noise_angle": 10.0,
+    "odometry.memory": 2,
+    "odometry.least_noise": 0.9,
+    "odometry.most_noise": 0.2,
+    "odometry.scale_driven": 1.0,
+    "odometry.scale_known": 0.49,
+    "odometry.largest_scale": 1.01,
+    "filter_constraints.least_share": 0.9,
 }
 # What must be so for a setting to be of use.
 GIVEN = {
@@ -68,6 +81,12 @@ GIVEN = {
     "observation.temper": ["observation.model=likelihood_field"],
     "resampling.threshold": ["resampling.policy=n_eff"],
     "resampling.scheme": ["resampling.policy=always"],
+    "odometry": ["odometry.prior_motions=1", "odometry.scale_motions=3"],
+    "rao_blackwellized.scan_good": ["odometry.prior_motions=1"],
+    "rao_blackwellized.scan_better": ["rao_blackwellized.scan_good=1.0"],
+    "rao_blackwellized.scan_freedom": ["rao_blackwellized.scan_near=0.0"],
+    "rao_blackwellized.scan_noise_distance": ["rao_blackwellized.scan_near=0.1"],
+    "rao_blackwellized.scan_noise_angle": ["rao_blackwellized.scan_near=0.1"],
 }
 
 ROOM = np.array([  # with a pillar; x0, y0, x1, y1
@@ -115,8 +134,11 @@ def drive(walls: Array, increments: Array, beams: int = 121) -> Recording:
 
 
 @cache
-def short_drive() -> Recording:
-    """A curve of 2 m in the room, then 2 m along a bare corridor; the robot stands for a while in between."""
+def short_drive(known: bool = True) -> Recording:
+    """A curve of 2 m in the room, then 2 m along a bare corridor; the robot stands for a while in between.
+
+    Unless all the odometry is ``known``, it is silent for half of the curve and half of the corridor.
+    """
     curve, rest, straight = [0.06, 0.0, 0.05], [0.0, 0.0, 0.0], [0.06, 0.0, 0.0]
     in_the_room = drive(ROOM, np.array([rest] + [curve] * 34 + [rest] * 2))
     in_the_corridor = drive(CORRIDOR, np.array([rest] + [straight] * 30))
@@ -124,6 +146,7 @@ def short_drive() -> Recording:
         name="drive", format="test", path=Path("drive"), stamps=0.1 * np.arange(68.0),
         ranges=np.vstack([in_the_room.ranges, in_the_corridor.ranges]), lidar=in_the_room.lidar,
         odometry=np.vstack([in_the_room.odometry, in_the_corridor.odometry]),
+        odometry_known=None if known else (np.arange(68) // 16) % 2 == 0,
     )  # fmt: skip
 
 
@@ -152,12 +175,13 @@ def differs(name: str, key: str, field: FieldInfo, *settings: str) -> bool:
     if key == "observation.deskew":  # it is of use where beams have times
         swept = replace(short_drive(), beam_times=np.linspace(-0.1, 0.0, 121))
         return outcome(with_setting(config, key, value), swept) != outcome(config, swept)
-    return outcome(with_setting(config, key, value), short_drive()) != usual(config)
+    known = not own.startswith("unknown")
+    return outcome(with_setting(config, key, value), short_drive(known)) != usual(config, known)
 
 
 @cache
-def usual(config: Config) -> str:
-    return outcome(config, short_drive())
+def usual(config: Config, known: bool = True) -> str:
+    return outcome(config, short_drive(known))
 
 
 def cases(model: type[Config], sections: tuple[str, ...] | None = None) -> Iterator[Any]:
@@ -172,7 +196,16 @@ def test_every_setting_of_the_papers_filter(key: str, field: FieldInfo) -> None:
     assert differs("paper", key, field, "particles=20")
 
 
-FILTER = ("", "observation", "map", "resampling", "rao_blackwellized", "scan_matching")
+FILTER = (
+    "",
+    "observation",
+    "map",
+    "resampling",
+    "rao_blackwellized",
+    "scan_matching",
+    "odometry",
+    "filter_constraints",
+)
 
 
 @pytest.mark.parametrize(("key", "field"), list(cases(RbpfConfig, FILTER)))
@@ -219,12 +252,13 @@ def round_the_block(block: Array) -> Round:
     return geometry.accumulate(odometry), odometry, scans
 
 
-def settled(given: Round, config: SmoothingConfig, loops: LoopClosingConfig) -> str:
+def settled(given: Round, smoothing: SmoothingConfig, loops: LoopClosingConfig) -> str:
     poses, odometry, scans = given
+    config = GraphConfig(smoothing=smoothing, loop_closing=loops)
     store = ScanStore(np.zeros(2), ScanMatchingConfig())
     for points in scans:
         store.add(points)
-    smoothed = Smoother(store, odometry, config, loops).smooth(poses)
+    smoothed = Smoother(store, odometry, config).smooth(poses)
     return digest(smoothed.poses, smoothed.closed)
 
 
@@ -240,10 +274,6 @@ OTHER |= {
     "overlap": 0.95,
     "distance": 0.005,
     "iterations": 1,
-    "wheels_driven": 0.3,
-    "wheels_known": 0.9,
-    "wheels_pairs": 1000,
-    "wheels_limits": (0.999, 1.001),
     "neighbours": 0,
     "turn_length": 5.0,
 }

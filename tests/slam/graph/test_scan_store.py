@@ -44,7 +44,7 @@ def test_scans_are_kept_one_after_the_other() -> None:
         np.testing.assert_allclose(store.points_of(k), scan, atol=1e-6)
         own = slice(store.first[k], store.first[k + 1])
         np.testing.assert_allclose(
-            store.normals[own], wall_normals(scan, SENSOR, CONFIG.wall_reach, 20, 0.1), atol=1e-6
+            store.normals[own], wall_normals(scan, SENSOR, CONFIG.wall_reach, CONFIG.wall_spacings, 20, 0.1), atol=1e-6
         )
         np.testing.assert_allclose(store.bearings[own], ANGLES[: len(scan)], atol=1e-5)
 

@@ -9,21 +9,31 @@ from numpy.typing import NDArray
 from pfslam_viz import geometry
 from pfslam_viz.simulation.sensors import true_ranges
 from pfslam_viz.slam.graph.scan_store import ScanStore
-from pfslam_viz.slam.graph.settings import LoopClosingConfig, ScanMatchingConfig, SmoothingConfig
-from pfslam_viz.slam.graph.smoothing import (
-    Smoother,
-    earlier_visits,
-    match,
-    neighbouring,
-    odometry_constraints,
+from pfslam_viz.slam.graph.settings import (
+    FilterConstraintsConfig,
+    GraphConfig,
+    LoopClosingConfig,
+    ScanMatchingConfig,
+    SmoothingConfig,
 )
+from pfslam_viz.slam.graph.smoothing import Smoother, match, neighbouring, odometry_constraints
 
 Array = NDArray[np.float64]
 
 ANGLES = np.linspace(-0.75 * np.pi, 0.75 * np.pi, 181)
-TURN_LENGTH = 0.7  # m per rad
 NO_LOOPS = LoopClosingConfig(enabled=False)
 CORRIDOR = np.array([(-100.0, -1.1, 100.0, -1.1), (-100.0, 1.1, 100.0, 1.1)])
+# The poses these tests start from are the odometry's or wrong on purpose, no filter's, which matched them with its map:
+# so many walls no scan has, and the graph takes nothing from them but where it starts.
+NO_FILTER = FilterConstraintsConfig(fewest_walls=10**6)
+
+
+def graph(
+    smoothing: SmoothingConfig | None = None,
+    loops: LoopClosingConfig = NO_LOOPS,
+    given: FilterConstraintsConfig = NO_FILTER,
+) -> GraphConfig:
+    return GraphConfig(smoothing=smoothing or SmoothingConfig(), loop_closing=loops, filter_constraints=given)
 
 
 def around(step: float = 0.2) -> Array:
@@ -70,7 +80,7 @@ def test_a_drifted_round_is_smoothed_to_the_truth(seed: int, block: Array) -> No
     scans = scans_from(block, truth, rng)
     odometry = drifting(steps_of(truth), rng)
     drifted = geometry.accumulate(odometry)
-    smoothed = Smoother(scans, odometry, SmoothingConfig(), NO_LOOPS).smooth(drifted)
+    smoothed = Smoother(scans, odometry, graph()).smooth(drifted)
     assert rms(drifted, truth)[0] > 0.5
     distance, turn = rms(smoothed.poses, truth)
     assert distance < 0.012 and turn < math.radians(0.15)
@@ -84,10 +94,10 @@ def test_the_second_visit_is_laid_on_the_first(block: Array) -> None:
     truth = around()
     scans = scans_from(block, truth, rng)
     odometry = drifting(steps_of(truth), rng)
-    smoothed = Smoother(scans, odometry, SmoothingConfig(), NO_LOOPS).smooth(geometry.accumulate(odometry)).poses
+    smoothed = Smoother(scans, odometry, graph()).smooth(geometry.accumulate(odometry)).poses
     missed = geometry.between(geometry.between(smoothed[1], smoothed[-9]), geometry.between(truth[1], truth[-9]))
     assert np.abs(missed[:2]).max() < 0.01 and abs(missed[2]) < 0.004
-    alone = Smoother(scans, odometry, SmoothingConfig(neighbours=0), NO_LOOPS)
+    alone = Smoother(scans, odometry, graph(SmoothingConfig(neighbours=0)))
     without = alone.smooth(geometry.accumulate(odometry)).poses
     assert rms(smoothed, truth)[0] < rms(without, truth)[0]
 
@@ -107,8 +117,8 @@ def test_a_round_that_missed_its_start_is_closed(block: Array) -> None:
     drifted = geometry.accumulate(odometry)
     assert rms(drifted[-10:], truth[-10:])[0] > 1.5
     config = SmoothingConfig(radius=1.0)
-    left = Smoother(blinded, odometry, config, NO_LOOPS).smooth(drifted)
-    closed = Smoother(blinded, odometry, config, LoopClosingConfig(least_reach=3.0)).smooth(drifted)
+    left = Smoother(blinded, odometry, graph(config)).smooth(drifted)
+    closed = Smoother(blinded, odometry, graph(config, LoopClosingConfig(least_reach=3.0))).smooth(drifted)
     assert rms(left.poses[-10:], truth[-10:])[0] > 0.5 and len(left.closed) == 0
     assert rms(closed.poses[-10:], truth[-10:])[0] < 0.03
     assert len(closed.closed) > 0
@@ -129,7 +139,7 @@ def test_where_the_scans_are_open_odometry_rules() -> None:
     odometry = steps_of(truth) * [0.97, 1.0, 1.0]
     start = truth * [1.1, 1.0, 1.0]
     start[1:] += rng.normal(0, [0.0, 0.02, 0.01], (39, 3))
-    smoothed = Smoother(scans, odometry, SmoothingConfig(), NO_LOOPS).smooth(start).poses
+    smoothed = Smoother(scans, odometry, graph()).smooth(start).poses
     frame = np.array([0.0, 0.0, -0.05])  # the corridor's axis, seen from the first pose
     along, across = geometry.transform(geometry.inverse(frame), smoothed[:, :2] - truth[:, :2]).T
     reckoned = geometry.transform(geometry.inverse(frame), geometry.accumulate(odometry)[:, :2] - truth[:, :2])[:, 0]
@@ -145,7 +155,7 @@ def test_scans_that_see_nothing_leave_the_odometry() -> None:
         scans.add(np.zeros((0, 2)))
     poses = geometry.accumulate(odometry)
     start = poses + np.linspace(0, 0.1, 12)[:, None]
-    smoothed = Smoother(scans, odometry, SmoothingConfig(), LoopClosingConfig()).smooth(start).poses
+    smoothed = Smoother(scans, odometry, graph(loops=LoopClosingConfig())).smooth(start).poses
     np.testing.assert_allclose(geometry.between(start[0], smoothed), geometry.between(poses[0], poses), atol=2e-3)
 
 
@@ -153,49 +163,11 @@ def test_one_or_two_key_scans_stay_as_they_are(block: Array) -> None:
     poses = np.array([[0.0, 0, 0], [0.3, 0.1, 0.2]])
     scans = scans_from(block, poses, np.random.default_rng(6))
     for k in (1, 2):
-        smoother = Smoother(scans, steps_of(poses)[:k], SmoothingConfig(), LoopClosingConfig())
+        smoother = Smoother(scans, steps_of(poses)[:k], GraphConfig())
         np.testing.assert_array_equal(smoother.smooth(poses[:k]).poses, poses[:k])
 
 
 # What is matched with what
-
-
-def plain_visits(poses: Array, radius: float, apart: int, most: int) -> list[tuple[int, int]]:
-    """Sort the near earlier ones by distance; take the nearest, leave out what belongs to the visits taken."""
-    found = []
-    for later in range(len(poses)):
-        steps = geometry.between(poses[: max(later - apart, 0)], poses[later])
-        away = np.hypot(steps[:, 0], steps[:, 1])
-        near = [(away[k] + TURN_LENGTH * abs(steps[k, 2]), k) for k in np.flatnonzero(away <= radius).tolist()]
-        taken: list[int] = []
-        for _, earlier in sorted(near):
-            if len(taken) < most and all(abs(earlier - other) > apart // 2 for other in taken):
-                taken.append(earlier)
-        found += [(earlier, later) for earlier in taken]
-    return found
-
-
-@pytest.mark.parametrize(
-    ("radius", "apart", "most"), [(2.0, 30, 3), (1.0, 10, 2), (3.0, 5, 1), (2.0, 1, 4), (2.0, 30, 0)]
-)
-def test_earlier_visits_equal_a_plain_search(radius: float, apart: int, most: int) -> None:
-    """On a random walk of 200 poses that turns in a small area."""
-    rng = np.random.default_rng(7)
-    poses = geometry.accumulate(np.column_stack([np.full(200, 0.3), np.zeros(200), rng.normal(0.2, 0.2, 200)]))
-    found = earlier_visits(poses, radius, apart, most, TURN_LENGTH)
-    assert [tuple(pair) for pair in found.tolist()] == plain_visits(poses, radius, apart, most)
-    assert most == 0 or len(found) > 100
-
-
-def test_earlier_visits_by_hand() -> None:
-    """Poses 0 to 4 pass a place, 8 stands at 2 with the same heading, 9 there facing back, 10 far away."""
-    x = np.array([0.0, 1, 2, 3, 4, 10, 20, 30, 2.1, 2.1, 50])
-    poses = np.column_stack([x, 0 * x, np.where(np.arange(11) == 9, math.pi, 0.0)])
-    assert earlier_visits(poses, 0.5, 4, 3, TURN_LENGTH).tolist() == [[2, 8], [2, 9]]
-    poses[3, 2] = math.pi  # 3 faces back as well: 0.9 m are less than 0.1 m and half a turn at 0.7 m / rad
-    assert earlier_visits(poses, 1.0, 4, 1, TURN_LENGTH).tolist() == [[2, 8], [3, 9]]
-    assert earlier_visits(poses, 1.5, 4, 3, TURN_LENGTH).tolist() == [[2, 8], [3, 9]]  # 2 and 3 are the same visit
-    assert earlier_visits(poses, 0.5, 7, 3, TURN_LENGTH).tolist() == []  # 2 is no more than 7 before 9
 
 
 def test_neighbours_are_some_hops_on_and_the_earlier_visits() -> None:
@@ -248,12 +220,83 @@ def test_the_wheels_scale_is_found_where_scans_can_tell(scale: float, block: Arr
     rng = np.random.default_rng(5)
     truth = around()
     odometry = drifting(steps_of(truth), rng, scale=scale, turn=0.0)
-    smoother = Smoother(scans_from(block, truth, rng), odometry, SmoothingConfig(), NO_LOOPS)
-    assert smoother.wheel_scale(truth) == pytest.approx(1.0 / scale, abs=0.008)
+    smoother = Smoother(scans_from(block, truth, rng), odometry, GraphConfig())
+    assert smoother.odometry_errors(truth).scale == pytest.approx(1.0 / scale, abs=0.008)
 
 
 def test_a_bare_corridor_says_nothing_of_the_wheels() -> None:
     rng = np.random.default_rng(6)
     truth = geometry.accumulate([(0.0, 0.0, 0.0)] + [(0.2, 0.0, 0.0)] * 60)
     odometry = steps_of(truth) * np.array([1.1, 1.1, 1.0])
-    assert Smoother(scans_from(CORRIDOR, truth, rng), odometry, SmoothingConfig(), NO_LOOPS).wheel_scale(truth) == 1.0
+    smoother = Smoother(scans_from(CORRIDOR, truth, rng), odometry, GraphConfig())
+    assert smoother.odometry_errors(truth).scale == 1.0
+
+
+def test_the_scale_leaves_out_where_the_odometry_knew_nothing(block: Array) -> None:
+    """Half of the steps are nonsense, and known to be."""
+    rng = np.random.default_rng(5)
+    truth = around()
+    odometry = drifting(steps_of(truth), rng, scale=1.03, turn=0.0)
+    unknown = np.zeros_like(odometry)
+    unknown[::2] = [0.5, 0.5, 1.5]
+    odometry[::2] *= 0.85
+    scans = scans_from(block, truth, rng)
+    found = Smoother(scans, odometry, GraphConfig(), unknown).odometry_errors(truth)
+    assert found.scale == pytest.approx(1.0 / 1.03, abs=0.008)
+    trusting = Smoother(scans, odometry, GraphConfig()).odometry_errors(truth)
+    assert abs(trusting.scale - 1.0 / 1.03) > 0.02
+
+
+# What the odometry does not know, and what the filter found out
+
+
+def test_unknown_odometry_is_less_firm_by_what_may_have_happened() -> None:
+    """0.05 + 0.5 m and 0.01 + 0.1 + 1.5 rad on the second step; the first is as ever."""
+    config = SmoothingConfig(least=0.01, noise_distance=0.1, noise_angle=0.2, noise_drift=0.05)
+    odometry = np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0], [0.4, 0.0, 0.35]])
+    unknown = np.array([[9.0, 9.0, 9.0], [0.0, 0.0, 0.0], [0.5, 0.5, 1.5]])
+    c = odometry_constraints(odometry, config, unknown)
+    np.testing.assert_allclose(c.information[0], np.diag([0.05**-2, 0.05**-2, 0.03**-2]))
+    np.testing.assert_allclose(c.information[1], np.diag([0.55**-2, 0.55**-2, 1.6**-2]))
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_odometry_that_knows_nothing_has_no_say(told: bool) -> None:
+    """Ten steps of 0.2 m down a corridor whose end the first and the last two scans see; 60 cm too many are said.
+
+    Those at the end know how far they are from the start. Who knows that steps 4 and 5 are unknown puts it down to
+    them; who does not spreads it over all.
+    """
+    rng = np.random.default_rng(9)
+    truth = geometry.accumulate([(0.0, 0.0, 0.0)] + [(0.2, 0.0, 0.0)] * 10)
+    scans = ScanStore(np.zeros(2), ScanMatchingConfig())
+    seen = scans_from(np.vstack([CORRIDOR, [(4.0, -1.1, 4.0, 1.1)]]), truth, rng)
+    for k in range(11):
+        points = seen.points_of(k)
+        ahead = np.abs(points[:, 1]) < 1.0  # on the wall at the end
+        scans.add(points[~ahead if 2 <= k < 9 else slice(None)])
+    odometry = steps_of(truth)
+    odometry[4:6] = [0.5, 0.0, 0.0]
+    unknown = np.zeros_like(odometry)
+    unknown[4:6] = [0.25, 0.25, 0.75] if told else 0.0
+    smoother = Smoother(scans, odometry, graph(SmoothingConfig(scale=1000.0)), unknown)
+    missed = (smoother.smooth(truth).poses - truth)[:, 0]
+    assert abs(missed[-1]) < 0.02
+    if told:
+        assert np.abs(missed[[1, 2, 3, 5, 6, 7, 8]]).max() < 0.03
+    else:
+        assert missed[3] < -0.06 and missed[5] > 0.06
+
+
+def test_the_filters_increments_hold_where_matches_are_refused(block: Array) -> None:
+    """Scans 60 to 63 match no other: there the odometry, 20° amiss, would lead on, did the filter not know better."""
+    rng = np.random.default_rng(10)
+    truth = around()
+    odometry = drifting(steps_of(truth), rng)
+    odometry[61] += [0.05, 0.05, 0.35]
+    scans = scans_from(block, truth, rng)
+    refused = SmoothingConfig(neighbours=0, overlap=1.0)  # not one match is good enough
+    without = Smoother(scans, odometry, graph(refused)).smooth(truth).poses
+    given = Smoother(scans, odometry, graph(refused, given=FilterConstraintsConfig())).smooth(truth).poses
+    assert rms(without, truth)[1] > 0.2
+    assert rms(given, truth)[0] < 0.15 and rms(given, truth)[1] < 0.02

@@ -73,6 +73,16 @@ def test_the_odometry_between_key_scans_is_kept() -> None:
     np.testing.assert_array_equal(history.odometry(), [[0, 0, 0], [0.3, 0.01, 0.02]])
 
 
+def test_what_the_odometry_did_not_know_is_kept() -> None:
+    """A column, to be multiplied by errors per s; nothing unknown unless it is said."""
+    history = History(2)
+    for unknown in (0.0, 0.3, 0.05):
+        history.add_key(np.zeros((2, 3)), np.zeros(3), np.zeros(3), unknown)
+        history.add_scan(np.zeros(3))
+    keyed(history, np.zeros((2, 3)))
+    np.testing.assert_array_equal(history.unknown(), [[0.0], [0.3], [0.05], [0.0]])
+
+
 def straight(missed: Array) -> tuple[History, Array]:
     """Keys at scans 0 and 4, matching saw 1 m ahead between them; the key poses are off by ``missed`` from that."""
     history = History(1)

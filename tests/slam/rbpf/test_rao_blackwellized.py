@@ -18,6 +18,7 @@ from pfslam_viz.replay import Replay, Result
 from pfslam_viz.settings import MapConfig, ResamplingConfig
 from pfslam_viz.simulation.recording import simulate
 from pfslam_viz.simulation.sensors import true_ranges
+from pfslam_viz.slam.graph.scan_store import Matches
 from pfslam_viz.slam.graph.settings import SmoothingConfig
 from pfslam_viz.slam.protocol import Estimate, Scan
 from pfslam_viz.slam.rbpf.rao_blackwellized import RaoBlackwellizedFilter
@@ -77,14 +78,20 @@ def config(**settings: object) -> RbpfConfig:
 
 
 def run(
-    slam: RaoBlackwellizedFilter, recorded: Drive, look: Callable[[int, Estimate], None] | None = None
+    slam: RaoBlackwellizedFilter,
+    recorded: Drive,
+    look: Callable[[int, Estimate], None] | None = None,
+    known: NDArray[np.bool_] | None = None,
 ) -> list[Estimate]:
-    """As replay does it; ``look`` is called after every scan. ``WRITTEN`` is whether each was written into the maps."""
+    """As replay does it; ``look`` is called after every scan. ``WRITTEN`` is whether each was written into the maps.
+
+    ``known`` (n,) is where the odometry says something.
+    """
     WRITTEN.clear()
     out = []
     for k, scan in enumerate(recorded.scans):
         if k:
-            slam.predict(recorded.odometry[k], 0.05)
+            slam.predict(recorded.odometry[k], 0.05, known is None or bool(known[k]))
         slam.update(scan)
         slam.update_map(scan)
         slam.resample()
@@ -356,6 +363,152 @@ def test_a_bare_corridor_is_left_to_the_odometry() -> None:
     slam.finish()
     assert slam.trajectory()[-1, 0] == pytest.approx(wheels[-1, 0], abs=0.05)
     assert wheels[-1, 0] > seen.truth[-1, 0] + 0.18
+
+
+# Wheels that are wrong, and no wheels at all
+
+
+def test_turning_that_the_wheels_do_not_see_makes_key_scans() -> None:
+    """Carried round on the spot by 25 degrees, half a degree a scan, while the wheels rest; then driving on for 1 m.
+
+    A key scan comes every 0.15 rad, 9 degrees, so two or three of them; the heading is kept to half a degree there.
+    """
+    turn = np.tile([0.0, 0.0, math.radians(0.5)], (51, 1))
+    turn[0] = 0.0
+    straight = np.tile([0.04, 0.0, 0.0], (26, 1))
+    recorded = drive(ROOM, np.vstack([turn, straight]), scale=1.0, turn=0.0)
+    recorded.odometry[:51] = 0.0
+    slam = RaoBlackwellizedFilter(config())
+    estimates = run(slam, recorded)
+    keys = [k for k in range(1, 51) if WRITTEN[k]]
+    assert keys and keys[0] <= math.ceil(math.degrees(0.15) / 0.5) + 1 and 2 <= len(keys) <= 3
+    assert np.diff(keys).min() >= 15
+    for k in keys:
+        assert estimates[k].mean[2] == pytest.approx(recorded.truth[k, 2], abs=math.radians(0.5))
+    best = np.array([e.best for e in estimates])
+    missed = best[51:] - recorded.truth[51:]
+    assert np.hypot(missed[:, 0], missed[:, 1]).max() < 0.05 and np.abs(missed[:, 2]).max() < math.radians(0.8)
+    slam.finish()
+    missed = slam.trajectory()[51:] - recorded.truth[51:]
+    assert np.hypot(missed[:, 0], missed[:, 1]).max() < 0.03 and np.abs(missed[:, 2]).max() < math.radians(0.35)
+
+
+def without_odometry(recorded: Drive) -> tuple[RaoBlackwellizedFilter, list[Estimate]]:
+    """Nothing known, and nonsense said."""
+    wild = Drive(recorded.truth, np.full_like(recorded.odometry, 7.0), recorded.scans)
+    slam = RaoBlackwellizedFilter(config())
+    return slam, run(slam, wild, known=np.zeros(len(recorded.scans), np.bool_))
+
+
+def test_the_room_without_odometry(in_the_room: Drive) -> None:
+    """Once round by the scans alone: centimetres at once, and in hindsight as good as with odometry."""
+    slam, estimates = without_odometry(in_the_room)
+    online = final_error(in_the_room.truth, np.array([e.best for e in estimates]))
+    assert online[0] < 0.04 and online[1] < 1.0
+    assert 20 < sum(WRITTEN) < 80
+    slam.finish()
+    smoothed = final_error(in_the_room.truth, slam.trajectory())
+    assert smoothed[0] < 0.012 and smoothed[1] < 0.25
+
+
+def test_a_corridor_with_an_end_without_odometry() -> None:
+    """4 m towards the end wall, of which the lidar sees what is within 25 m: the position is the scans' to centimetres.
+
+    Until the robot has moved it is taken to stand; it starts gently, as robots do.
+    """
+    speed = np.minimum(0.05, 0.002 * np.arange(110.0))
+    walls = np.vstack([CORRIDOR, [(9.0, -1.1, 9.0, 1.1), (6.0, 0.9, 6.6, 0.9), (6.0, 0.9, 6.0, 1.1)]])
+    recorded = drive(walls, np.column_stack([speed, np.zeros(110), np.zeros(110)]))
+    assert recorded.truth[-1, 0] > 4.0
+    slam, estimates = without_odometry(recorded)
+    missed = np.array([e.mean for e in estimates]) - recorded.truth
+    assert np.abs(missed[:, 0]).max() < 0.08 and np.abs(missed[:, 1]).max() < 0.04
+    assert np.abs(missed[:, 2]).max() < math.radians(0.8)
+    slam.finish()
+    missed = slam.trajectory() - recorded.truth
+    assert np.abs(missed[:, :2]).max() < 0.03 and np.abs(missed[:, 2]).max() < math.radians(0.3)
+
+
+def test_odometry_that_comes_and_goes(in_the_room: Drive) -> None:
+    """Unknown for scans 60 to 119: history says for how long before each key scan, and no more than that."""
+    known = np.ones(len(in_the_room.scans), np.bool_)
+    known[60:120] = False
+    wild = in_the_room.odometry.copy()
+    wild[60:120] = 7.0
+    slam = RaoBlackwellizedFilter(config())
+    estimates = run(slam, Drive(in_the_room.truth, wild, in_the_room.scans), known=known)
+    assert final_error(in_the_room.truth, np.array([e.best for e in estimates]))[0] < 0.04
+    keys = np.array(slam._history.keys)
+    before = [np.count_nonzero(~known[first + 1 : key + 1]) for first, key in pairwise([0, *keys.tolist()[1:]])]
+    np.testing.assert_allclose(slam._history.unknown()[1:, 0], 0.05 * np.array(before), atol=1e-9)
+    assert sum(before) == 60
+    assert np.abs(slam._history.odometry()).max() < 1.0  # not one of the 7 m
+    slam.finish()
+    assert final_error(in_the_room.truth, slam.trajectory())[0] < 0.012
+
+
+@pytest.mark.parametrize("slip", [(0.4, 0.0, 0.0), (0.0, 0.0, 0.35), (-0.2, 0.15, -0.2)])
+def test_scans_overrule_a_wild_step_of_the_wheels(in_the_room: Drive, slip: tuple[float, float, float]) -> None:
+    """Half a metre or 20 degrees in one scan that did not happen: it leaves no trace of more than centimetres."""
+    recorded = Drive(in_the_room.truth[:120], in_the_room.odometry[:120].copy(), in_the_room.scans[:120])
+    recorded.odometry[60] += slip
+    slam = RaoBlackwellizedFilter(config())
+    estimates = run(slam, recorded)
+    missed = np.array([e.best for e in estimates]) - recorded.truth
+    assert np.hypot(missed[:, 0], missed[:, 1]).max() < 0.06
+    assert np.abs(geometry.wrap(missed[:, 2])).max() < math.radians(1.5)
+    slam.finish()
+    smoothed = final_error(recorded.truth, slam.trajectory())
+    assert smoothed[0] < 0.012 and smoothed[1] < 0.25
+
+
+def test_a_match_that_explains_nothing_does_not_overrule_good_odometry(in_the_room: Drive) -> None:
+    """Two scans at the same place, and odometry that says so: a match 30 cm away is believed only if more fits there.
+
+    0.3 m are 30 standard deviations of 1 cm, the noise of such a match and more than the 0.5 cm of wheels at rest:
+    Student's t says ln p falls by 2.5 ln(1 + 720 / 2), 14.7 of it. An end point that is explained gives 0.1 ln 10, so
+    64 of them are asked for, of 271.
+    """
+    slam = RaoBlackwellizedFilter(config(rao_blackwellized=RaoBlackwellizedConfig(temper=0.1, floor=0.1)))
+    for scan in (in_the_room.scans[0], in_the_room.scans[0]):
+        slam._remember(scan)
+    size = slam._scans.size_of(1)
+    there = slam._scans.match(
+        np.array([0]), np.array([1]), np.zeros((1, 3)), np.ones(3), np.array([0.1]), iterations=0
+    ).overlap[0]
+    assert there > 0.9
+    known = np.array([0.005, 0.005, 0.002])
+
+    def believed(away: float, explained: float) -> bool:
+        pose = np.array([[away, 0.0, 0.0]])
+        found = Matches(pose, np.zeros((1, 3, 3)), np.array([there + explained / size]), np.zeros(1))
+        return slam._believable(found, known)
+
+    asked = 2.5 * math.log1p(0.3**2 / (0.01**2 + 0.005**2) / 2) / (0.1 * math.log(10.0))
+    assert asked == pytest.approx(64, abs=1)
+    assert believed(0.3, asked + 1) and not believed(0.3, asked - 1) and not believed(0.3, 0.0)
+    assert believed(0.03, 0.0) and not believed(0.035, 0.0)  # 3 standard deviations are 3.35 cm
+
+
+def test_a_crowd_round_the_robot_does_not_carry_it_away(in_the_room: Drive) -> None:
+    """For 20 scans people stand round the robot, each time elsewhere, and hide the room.
+
+    A third of one scan's end points or so match the other's from some heading. The wheels have shown by then how good
+    they are, and so little does not overrule them.
+    """
+    n, rng = 220, np.random.default_rng(0)
+    scans = list(in_the_room.scans[:n])
+    for k in range(180, 200):
+        bearings = np.linspace(-2.3, 2.3, 100)
+        legs = np.repeat(rng.uniform(0.5, 1.5, 20), 5)  # five beams each
+        points = SENSOR + legs[:, None] * np.column_stack([np.cos(bearings), np.sin(bearings)])
+        scans[k] = Scan(k, scans[k].stamp, points, SENSOR)
+    increments = circle()[:n]
+    good = increments + (np.abs(increments).sum(axis=1) > 0)[:, None] * rng.normal(0, 5e-4, increments.shape)
+    slam = RaoBlackwellizedFilter(config())
+    estimates = run(slam, Drive(in_the_room.truth[:n], good, scans))
+    missed = np.array([e.best for e in estimates]) - in_the_room.truth[:n]
+    assert np.hypot(missed[:, 0], missed[:, 1]).max() < 0.1 and np.abs(missed[:, 2]).max() < 0.05
 
 
 @pytest.mark.parametrize("blind", ["all", "first", "middle"])
