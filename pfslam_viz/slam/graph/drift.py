@@ -109,6 +109,6 @@ def match_deviation(matched: Constraints, hops: tuple[int, ...], config: DriftCo
         m = matched.measured
         missed = geometry.between(m[whole], geometry.compose(m[first], m[second]))
         spread = np.array([np.median(np.abs(missed[:, :2])), np.median(np.abs(missed[:, 2]))])
-        deviation: Array = NORMAL * spread / np.sqrt(3.0 * hop)
-        return np.maximum(deviation, np.array([config.least_distance, config.least_angle]))
+        told: Array = np.maximum(NORMAL * spread / np.sqrt(3.0 * hop), [config.least_distance, config.least_angle])
+        return told
     return np.array([config.usual_distance, config.usual_angle])

@@ -193,7 +193,7 @@ def odometry_constraints(
     """
     deviation = odometry_deviation(odometry[1:], config)
     added = np.zeros_like(deviation) if unknown is None else unknown[1:]
-    guessed = (added > 0.0).any(axis=1)
+    guessed = added.max(axis=1, initial=0.0) > 0.0
     loose = bridged | guessed
     deviation *= np.where(loose[:, None], 1.0, [errors.distance, errors.distance, errors.angle])
     deviation += added
