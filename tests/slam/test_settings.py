@@ -23,6 +23,7 @@ from pfslam_viz.settings import Config
 from pfslam_viz.simulation.recording import simulate
 from pfslam_viz.simulation.sensors import true_ranges
 from pfslam_viz.slam.graph import loop_closing, smoothing
+from pfslam_viz.slam.graph.drift import Drift
 from pfslam_viz.slam.graph.pose_graph import Constraints
 from pfslam_viz.slam.graph.scan_store import ScanStore
 from pfslam_viz.slam.graph.settings import GraphConfig, LoopClosingConfig, ScanMatchingConfig, SmoothingConfig
@@ -282,8 +283,6 @@ LOOP_OTHER: dict[str, Any] = {
     "least_loop": 1000.0,
     "most_reach": 1.0,
     "view": 1.0,
-    "around": 2,
-    "around_step": 25,
     "points": 40,
     "fits_already": 0.01,
     "score": 0.99,
@@ -326,9 +325,9 @@ def test_a_search_follows_a_closed_loop(searches: int, round_the_block: Round, m
     """In this drive one search finds all there is; how often is looked shows in how often it is called."""
     looked = []
 
-    def find(scans: ScanStore, poses: Array, config: LoopClosingConfig) -> list[Constraints]:
+    def find(scans: ScanStore, poses: Array, drift: Drift, config: LoopClosingConfig) -> list[Constraints]:
         looked.append(1)
-        return loop_closing.find_loops(scans, poses, config)
+        return loop_closing.find_loops(scans, poses, drift, config)
 
     monkeypatch.setattr(smoothing, "find_loops", find)
     settled(round_the_block, SMOOTHING, LoopClosingConfig(least_reach=3.0, searches=searches))
