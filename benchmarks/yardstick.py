@@ -52,8 +52,9 @@ ENTRIES = (
     *(Entry(f"thinned/{n}", f"thinned/{n}.clf.bz2", f"thinned/{n}.reference.npz") for n in THINNED),
     *(
         Entry(f"case/{n}", f"cases/{n}/{n}.log", f"cases/{n}/truth.tum")
-        for n in ("base", "stilldrift", "people2", "lds35", "sentinel8", "clockwise", "n_base")
+        for n in ("base", "stilldrift", "people2", "lds35", "sentinel8", "clockwise")
     ),
+    Entry("case/n_base", "cases/n_base/Hokuyo21.npz", "cases/n_base/truth.tum"),
     simulated("hallway", 20, slip=0.2),
     simulated("ring", 14, wheel_scale=0.95, slip=0.05),
     simulated("ring", 19, wheel_scale=1.1, slip=0.1, gyro_bias=0.01),
