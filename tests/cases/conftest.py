@@ -149,8 +149,8 @@ class Drive:
         return replace(self, **changes)
 
     def limited(self, farthest: float, none: float = 0.0) -> "Drive":
-        """With a lidar that sees no farther and writes ``none`` then."""
-        return replace(self, ranges=np.where(self.ranges > farthest, none, self.ranges))
+        """With a lidar that sees no farther, to 1 cm, and writes ``none`` where it sees nothing."""
+        return replace(self, ranges=np.where(self.ranges > farthest - 0.01, none, self.ranges))
 
     # CARMEN
 
