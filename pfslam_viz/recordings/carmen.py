@@ -6,7 +6,6 @@ beams than the widest has no return in those it lacks.
 
 import bz2
 import gzip
-import math
 import re
 import zlib
 from pathlib import Path
@@ -127,7 +126,7 @@ def load(path: Path, name: str | None = None) -> Recording:
         path=path,
         stamps=scans.stamps,
         ranges=ranges,
-        lidar=Lidar(angles, _RANGE_MIN, _range_max(ranges, scans, of_parameters), pose),
+        lidar=Lidar(angles, _RANGE_MIN, _range_max(scans, of_parameters), pose),
         odometry=steps,
         relations=_read_relations(path, notes),
         notes=tuple(notes),
@@ -228,31 +227,19 @@ def _robot_poses(scans: Scans, lines: Array, notes: list[str]) -> Array:
     return scans.robot
 
 
-def _range_max(ranges: NDArray[np.float32], scans: Scans, parameters: dict[str, float]) -> float:
+def _range_max(scans: Scans, parameters: dict[str, float]) -> float:
     """The range in m above which a reading is no return.
 
     What the log declares (ROBOTLASER1's max_range, PARAM robot_front_laser_max), else 80 m, an LMS's range. Below the
-    LMS's error codes in any case. Logs whose range was cut, such as aces at 50 m, repeat that one value: if the
-    log's largest reading from 20 m up comes again and again (three times, 0.1 % of all readings, and more often than
-    all readings within 5 % below it), it is no return, and the limit lies just under it.
+    LMS's error codes in any case. Other values that stand for no return are told from the readings, as for every
+    format: see :mod:`pfslam_viz.recordings.no_return`.
     """
     declared = scans.max_range[np.isfinite(scans.max_range) & (scans.max_range > 0)]
-    limit = (
-        float(np.median(declared))
-        if len(declared)
-        else next((parameters[key] for key in _MAX_RANGE if key in parameters), 0.0)
-    )
-    if limit <= 0 or _LMS_ERROR_CODES[0] <= limit <= _LMS_ERROR_CODES[1]:
-        limit = _LMS_RANGE
-    measured = ranges[(ranges >= _RANGE_MIN) & (ranges <= limit)]
-    if len(measured) == 0:
-        return limit
-    top = float(measured.max())
-    repeats = int((measured >= np.float32(top)).sum())
-    below = int(((measured >= 0.95 * top) & (measured < np.float32(top))).sum())
-    if top >= 20.0 and repeats >= max(3, 0.001 * ranges.size) and repeats > below:
-        return math.floor(top * 100.0 - 0.5) / 100.0
-    return limit
+    if len(declared):
+        limit = float(np.median(declared))
+    else:
+        limit = next((parameters[key] for key in _MAX_RANGE if key in parameters), 0.0)
+    return _LMS_RANGE if limit <= 0 or _LMS_ERROR_CODES[0] <= limit <= _LMS_ERROR_CODES[1] else limit
 
 
 def _read_relations(path: Path, notes: list[str]) -> Relations | None:

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from pfslam_viz import geometry
-from pfslam_viz.config import Config, load_config
+from pfslam_viz.config import load_config
 from pfslam_viz.evaluation.evaluate import evaluate
 from pfslam_viz.evaluation.report import Report
 from pfslam_viz.recordings.recording import Lidar, Recording, Relations, Trajectory
+from pfslam_viz.slam.paper.settings import PaperConfig
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +41,7 @@ def recording() -> Recording:
 
 @pytest.fixture(scope="module")
 def report(recording: Recording) -> Report:
-    mine = Config(name="mine", particles=30)
+    mine = PaperConfig(name="mine", particles=30)
     return evaluate(recording, [mine], [1, 2], None)
 
 

@@ -41,7 +41,7 @@ def store_of(*scans: Array) -> ScanStore:
 
 
 def test_a_corridor_says_nothing_along_it() -> None:
-    np.testing.assert_allclose(walls_of(store_of(corridor()), 0, CONFIG), [[0, 0], [0, 1]], atol=1e-6)
+    np.testing.assert_allclose(walls_of(store_of(corridor()), 0, CONFIG), np.diag([0.0, 1.0]), atol=1e-6)
 
 
 def test_a_corridor_seen_askew_is_in_the_robots_frame() -> None:
@@ -53,14 +53,14 @@ def test_a_corridor_seen_askew_is_in_the_robots_frame() -> None:
 
 def test_a_room_is_known_both_ways_as_its_walls_are() -> None:
     """60 end points tell y, 30 tell x: half as much."""
-    np.testing.assert_allclose(walls_of(store_of(ROOM), 0, CONFIG), [[0.5, 0], [0, 1]], atol=1e-6)
+    np.testing.assert_allclose(walls_of(store_of(ROOM), 0, CONFIG), np.diag([0.5, 1.0]), atol=1e-6)
 
 
 @pytest.mark.parametrize(("across", "share"), [(7, 0.0), (9, 9 / 80)])
 def test_a_small_share_of_the_walls_is_nothing(across: int, share: float) -> None:
     """7 of 87 end points at the corridor's end are 0.0875 of the other wall's, 9 are 0.1125; a tenth is asked."""
     points = np.vstack([corridor(), wall(-4, 0.3, -4, -0.3, across)])
-    np.testing.assert_allclose(walls_of(store_of(points), 0, CONFIG), [[share, 0], [0, 1]], atol=1e-6)
+    np.testing.assert_allclose(walls_of(store_of(points), 0, CONFIG), np.diag([share, 1.0]), atol=1e-6)
 
 
 @pytest.mark.parametrize(("points", "known"), [(9, False), (10, True)])
@@ -68,7 +68,7 @@ def test_too_few_walls_say_nothing(points: int, known: bool) -> None:
     """Stray points, which lie on no wall, do not count."""
     stray = np.column_stack([np.arange(3.0, 43.0), np.full(40, 5.0)])
     store = store_of(np.vstack([wall(-1, -1, 0, -1, points), stray]))
-    np.testing.assert_allclose(walls_of(store, 0, CONFIG), [[0, 0], [0, float(known)]], atol=1e-6)
+    np.testing.assert_allclose(walls_of(store, 0, CONFIG), np.diag([0.0, float(known)]), atol=1e-6)
 
 
 def test_a_scan_that_sees_nothing_says_nothing() -> None:
@@ -77,8 +77,8 @@ def test_a_scan_that_sees_nothing_says_nothing() -> None:
 
 def test_each_scan_has_its_own_walls() -> None:
     store = store_of(ROOM, corridor(), ROOM[:5])
-    np.testing.assert_allclose(walls_of(store, 1, CONFIG), [[0, 0], [0, 1]], atol=1e-6)
-    np.testing.assert_allclose(walls_of(store, 0, CONFIG), [[0.5, 0], [0, 1]], atol=1e-6)
+    np.testing.assert_allclose(walls_of(store, 1, CONFIG), np.diag([0.0, 1.0]), atol=1e-6)
+    np.testing.assert_allclose(walls_of(store, 0, CONFIG), np.diag([0.5, 1.0]), atol=1e-6)
     assert not walls_of(store, 2, CONFIG).any()
 
 
@@ -90,7 +90,7 @@ def test_the_increments_are_as_firm_as_configured_by_hand() -> None:
     poses = geometry.accumulate(np.array([[1.0, 2.0, 0.5], [0.3, -0.4, -0.2], [0.0, 0.0, 0.0]]))
     c = filter_constraints(store_of(np.zeros((0, 2)), ROOM, corridor()), poses, CONFIG)
     assert (c.start.tolist(), c.end.tolist(), c.robust.tolist()) == ([0, 1], [1, 2], [True, True])
-    np.testing.assert_allclose(c.measured, [[0.3, -0.4, -0.2], [0, 0, 0]], atol=1e-12)
+    np.testing.assert_allclose(c.measured, np.array([[0.3, -0.4, -0.2], [0.0, 0.0, 0.0]]), atol=1e-12)
     np.testing.assert_allclose(c.information[0], np.diag([0.5 / 0.35**2, 1 / 0.35**2, 1 / 0.03**2]), atol=1e-4)
     np.testing.assert_allclose(c.information[1], np.diag([0.0, 100.0, 1e4]), atol=1e-3)
 

@@ -131,7 +131,8 @@ def test_the_increment_between_beams_is_the_median_angle() -> None:
     def seen(*degrees: float) -> Array:
         bearings = np.radians(degrees)
         away = 1.0 + np.arange(len(degrees))[:, None]
-        return sensor + away * np.column_stack([np.cos(bearings), np.sin(bearings)])
+        points: Array = sensor + away * np.column_stack([np.cos(bearings), np.sin(bearings)])
+        return points
 
     assert beam_increment(seen(10, 11, 12, 14, 90), sensor) == pytest.approx(math.radians(1.5))  # 1, 1, 2, 76
     assert beam_increment(seen(178, 179.5, -179), sensor) == pytest.approx(math.radians(1.5))
