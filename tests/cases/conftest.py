@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -79,7 +80,7 @@ def way_round(turn_rate: float = TURN_RATE, speed: float = SPEED, rest: float = 
     return Way(np.array(times), np.array(poses))
 
 
-def cast(poses: Array, angles: Array, people: Array | None = None) -> Array:
+def cast(poses: Array, angles: Array, people: Array | None = None, walls: Array = WALLS) -> Array:
     """True ranges (n, B) m of beams at ``angles`` (B,) or (n, B) from lidars at ``poses`` (n, 3) or (n, B, 3).
 
     ``people`` (n, p, 2) are round, 0.5 m thick, at their places in each scan.
@@ -89,15 +90,14 @@ def cast(poses: Array, angles: Array, people: Array | None = None) -> Array:
     c, s = np.cos(facing), np.sin(facing)
     nearest = np.full(facing.shape, np.inf)
     with np.errstate(divide="ignore", invalid="ignore"):
-        for x0, y0, x1, y1 in WALLS:
+        for x0, y0, x1, y1 in walls:
             dx, dy, ax, ay = x1 - x0, y1 - y0, x0 - x, y0 - y
             cross = c * dy - s * dx
             r, along = (ax * dy - ay * dx) / cross, (ax * s - ay * c) / cross
             hit = (r > 0) & (along >= 0) & (along <= 1)
             np.minimum(nearest, np.where(hit, r, np.inf), out=nearest)
-        for k in range(0 if people is None else people.shape[1]):
-            assert people is not None
-            px, py = people[:, k, :1] - x, people[:, k, 1:] - y
+        for person in () if people is None else people.swapaxes(0, 1):
+            px, py = person[:, :1] - x, person[:, 1:] - y
             ahead, beside = px * c + py * s, py * c - px * s
             r = ahead - np.sqrt(0.25**2 - beside**2)
             np.minimum(nearest, np.where(r > 0, r, np.inf), out=nearest)
@@ -111,7 +111,7 @@ def compose(poses: Array, mount: tuple[float, float, float]) -> Array:
     return np.stack([x + c * mount[0] - s * mount[1], y + s * mount[0] + c * mount[1], heading + mount[2]], axis=-1)
 
 
-def drifting(truth: Array, seed: int, scale: float = 1.02, drift: float = 0.01) -> Array:
+def drifting(truth: Array, seed: int, scale: float = 1.02, drift: float = 0.007) -> Array:
     """Odometry poses (n, 3) from the origin: 2 % too long, bent by ``drift`` rad/m, every step 2 % rough."""
     rng = np.random.default_rng(seed)
     step = np.diff(truth, axis=0)
@@ -125,6 +125,7 @@ def drifting(truth: Array, seed: int, scale: float = 1.02, drift: float = 0.01) 
 
 
 def degrees(first: float, last: float, beams: int) -> Array:
+    """(beams,) rad from ``first`` to ``last`` degrees."""
     return np.radians(np.linspace(first, last, beams))
 
 
@@ -146,6 +147,7 @@ class Drive:
     seed: int = 0
 
     def changed(self, **changes: Any) -> "Drive":
+        """With other values."""
         return replace(self, **changes)
 
     def limited(self, farthest: float, none: float = 0.0) -> "Drive":
@@ -226,6 +228,7 @@ def drive(
     people: Callable[[Array], Array] | None = None,
     sweep: float = 0.0,
     noise: float = 0.01,
+    walls: Array = WALLS,
 ) -> Drive:
     """A drive along ``way`` with ``rate`` scans a second; beams are ``sweep`` s late, the last the stamp's."""
     way = way or way_round()
@@ -233,7 +236,7 @@ def drive(
     truth = way.at(stamps)
     late = sweep * np.arange(1 - len(angles), 1) / len(angles)
     lidar = compose(way.at(stamps[:, None] + late) if sweep else truth, mount)
-    ranges = cast(lidar, angles, None if people is None else people(stamps))
+    ranges = cast(lidar, angles, None if people is None else people(stamps), walls)
     ranges += np.random.default_rng(seed).normal(0, noise, ranges.shape)
     return Drive(way, stamps, truth, angles, ranges, drifting(truth, seed), mount, seed)
 
@@ -279,28 +282,21 @@ def refusal(path: Path, capfd: pytest.CaptureFixture[str], *options: str) -> str
     return line
 
 
-class Kit:
-    """All of the above, for the tests."""
-
-    EPOCH, COURSE_LIDAR = EPOCH, COURSE_LIDAR
-    way_round, cast, compose = staticmethod(way_round), staticmethod(cast), staticmethod(compose)
-    drifting, degrees, drive = staticmethod(drifting), staticmethod(degrees), staticmethod(drive)
-    replayed, refusal = staticmethod(replayed), staticmethod(refusal)
-
-    def __init__(self) -> None:
-        self._made: dict[tuple[Any, ...], Drive] = {}
-
-    def scanner(self, first: float = -90.0, last: float = 90.0, beams: int = 91, seed: int = 0) -> Drive:
-        """One lap with beams between two angles (degrees), made once."""
-        key = (first, last, beams, seed)
-        if key not in self._made:
-            self._made[key] = drive(degrees(first, last, beams), seed=seed)
-        return self._made[key]
-
-
 @pytest.fixture(scope="session")
 def kit() -> Any:
-    return Kit()
+    """All of the above, for the tests; and ``scanner``: one lap with beams between two angles, made once."""
+    made: dict[tuple[Any, ...], Drive] = {}
+
+    def scanner(first: float = -90.0, last: float = 90.0, beams: int = 91, seed: int = 0) -> Drive:
+        key = (first, last, beams, seed)
+        if key not in made:
+            made[key] = drive(degrees(first, last, beams), seed=seed)
+        return made[key]
+
+    return SimpleNamespace(
+        EPOCH=EPOCH, Way=Way, box=_box, way_round=way_round, cast=cast, compose=compose, degrees=degrees, drive=drive,
+        scanner=scanner, replayed=replayed, refusal=refusal,
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="session")
