@@ -10,7 +10,6 @@ from pfslam_viz.recordings.checking.check import check, refuse_wrong
 from pfslam_viz.recordings.formats import LoadOptions, Place, format_named, format_of, in_words
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.recordings.sources import SOURCES
-from pfslam_viz.recordings.sweep import with_beam_times
 
 DEMO = "demo"
 ENVIRONMENT = "PFSLAM_RECORDINGS"
@@ -90,7 +89,7 @@ def load_place(place: Place, data: Path | None, options: LoadOptions) -> Recordi
         known = place.number or place.name
         hint = f"; {_fetch_hint(known, data or place.path)}" if known in SOURCES else ""
         raise InputError(f"{place.path}: {row.noun} {known} lacks {', '.join(missing)}{hint}")
-    return with_beam_times(check(row.reader.load(place, options)))
+    return check(row.reader.load(place, options))
 
 
 def find(name_or_path: str | Path, data: Path | None = None, make_demo: bool = False) -> Place:

@@ -44,7 +44,8 @@ def pairs_apart(odometry: Array, distance: float = 0.4, turn: float = 0.3) -> Pa
 
 
 def turned_apart(odometry: Array, turn: float = 0.3) -> Pairs:
-    """The same between which the odometry turns by ``turn`` rad."""
+    """The same between which the odometry turns by ``turn`` rad, or down to a third of it where it turns but little."""
+    turn = float(np.clip(np.abs(odometry[:, 2]).sum() / 20, turn / 3, turn))
     return pairs_apart(odometry * (0.0, 0.0, 1.0), turn=turn)
 
 

@@ -10,6 +10,7 @@ from pfslam_viz.recordings.checking.draft import Draft
 from pfslam_viz.recordings.checking.odometry import LENGTHS
 from pfslam_viz.recordings.no_return import without_sentinels
 from pfslam_viz.recordings.recording import Lidar, Recording
+from pfslam_viz.recordings.sweep import with_beam_times
 
 Array = NDArray[np.float64]
 
@@ -65,7 +66,6 @@ def check_unit(draft: Draft) -> None:
         farthest = lidar.range_max if above > 0.9 else lidar.range_max * factor
         nearest = lidar.range_min if above > 0.9 else lidar.range_min * factor
         draft.mend(ranges=ranges * np.float32(factor), lidar=replace(lidar, range_min=nearest, range_max=farthest))
-        draft.recording = without_sentinels(draft.recording)
         draft.add(
             "note",
             f"ranges_in_{unit}",
@@ -108,9 +108,22 @@ def _moves_as(recording: Recording, factor: float, limits_hold: bool) -> bool:
 
 def check_no_return(draft: Draft) -> None:
     """Values that stand for no return are told from the readings, and lie above the lidar's greatest range then."""
+    said = draft.recording.notes
     told = without_sentinels(draft.recording)
     if told is not draft.recording:
-        draft.mend(lidar=told.lidar, notes=told.notes)
+        draft.mend(lidar=told.lidar)
+        for note in told.notes[len(said) :]:
+            draft.add("note", "no_return_value", note)
+
+
+def check_sweep(draft: Draft) -> None:
+    """When each beam was measured is told from the drive, where that makes scans agree better."""
+    said = draft.recording.notes
+    told = with_beam_times(draft.recording)
+    if told is not draft.recording:
+        draft.mend(beam_times=told.beam_times)
+        for note in told.notes[len(said) :]:
+            draft.add("note", "beam_times", note)
 
 
 def check_far(draft: Draft) -> None:

@@ -20,6 +20,7 @@ STAGES = (
     jumps.check_jumps,
     mounting.check_mounting,
     contradiction.check_contradiction,
+    beams.check_sweep,
     clocks.check_streams,
 )
 """In this order: what one of them has mended, those after it can rely on."""
