@@ -33,7 +33,11 @@ class ReplayStream:
         return self._collector.left_out
 
     def log(self, step: Step) -> None:
-        """Log one scan. Scans are collected and drawn in batches."""
+        """Log one scan. Scans are collected and drawn in batches.
+
+        Raises PfslamError once nobody is left who would see it.
+        """
+        self._drawing.sink.check_read()
         self._collector.add(step)
         now = time.monotonic()
         if len(self._collector) == BATCH_ROWS or (self._drawing.sink.live and now - self._flushed > LIVE_SECONDS):
