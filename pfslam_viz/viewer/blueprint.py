@@ -85,11 +85,11 @@ def _compare(runs: Sequence[str], recording: Recording, framing: Framing) -> rrb
         shown = contents(View.COMPARE, run, "{run}", "truth")
         maps.append(_overhead(entities.OVERVIEW, framing.aspect, title, shown))
     row = rrb.Horizontal(*maps) if len(maps) <= MAPS_IN_A_ROW else rrb.Grid(*maps, grid_columns=2)
-    plots = rrb.Horizontal(*_plots(View.COMPARE_PLOTS, recording, runs))
+    plots = rrb.Horizontal(*_plots(View.COMPARE_PLOTS, recording, runs, len(runs) > 1))
     return rrb.Vertical(row, plots, row_shares=[5, 2], name="Compare")
 
 
-def _plots(view: View, recording: Recording, runs: Sequence[str]) -> list[rrb.TimeSeriesView]:
+def _plots(view: View, recording: Recording, runs: Sequence[str], several: bool) -> list[rrb.TimeSeriesView]:
     """The plots of a tab with these runs' curves; a legend where a plot has several."""
     boundary = rrb.TimeRangeBoundary.absolute
     whole = rrb.TimeRange(start=boundary(seq=0), end=boundary(seq=len(recording) - 1))
@@ -98,11 +98,12 @@ def _plots(view: View, recording: Recording, runs: Sequence[str]) -> list[rrb.Ti
     for first in curves:
         if first.title:
             paths = dict.fromkeys(row.path(run) for row in curves if row.plot == first.plot for run in runs)
+            share = first is entities.N_EFF and several
             plots.append(
                 rrb.TimeSeriesView(
                     origin=f"/plots/{first.plot}",
                     contents=[f"+ /{path}" for path in paths],
-                    name=first.title,
+                    name="N_eff as a share of the particles" if share else first.title,
                     axis_x=rrb.TimeAxis(link="Independent", view_range=whole),
                     plot_legend=rrb.PlotLegend(corner="LeftTop", visible=len(paths) > 1),
                 )
@@ -125,7 +126,7 @@ def _filter(run: str, several: bool, recording: Recording) -> rrb.Container:
         contents(View.LOUPE, run, "{run}", "truth"),
         overrides={f"/{entities.PARTICLES.path(run)}": Points3D.from_fields(radii=Radius.ui_points(3.0))},
     )
-    plots = rrb.Horizontal(*_plots(View.FILTER_PLOTS, recording, [run]))
+    plots = rrb.Horizontal(*_plots(View.FILTER_PLOTS, recording, [run], several))
     name = run if several else "Filter"
     return rrb.Vertical(rrb.Horizontal(close_up, loupe), plots, row_shares=[5, 2], name=name)
 

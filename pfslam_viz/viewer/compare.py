@@ -55,7 +55,9 @@ def compare(
     drawings, streams = [], []
     for index, (config, name, color) in enumerate(zip(configs, names, entities.RUNS, strict=False)):
         shared = index == 0
-        drawing = Drawing(recording, config, sink, options.max_particles, run=name, color=color, shared=shared)
+        drawing = Drawing(
+            recording, config, sink, options.max_particles, run=name, color=color, shared=shared, relative=True
+        )
         drawings.append(drawing)
         streams.append(ReplayStream(Collector(recording, options, name, shared=shared), drawing, alone=False))
     send_scene(drawings, Framing.of_recording(recording, aspect_of(panels)))

@@ -35,6 +35,7 @@ class Drawing:
         run: what the run is called in the paths of its entities.
         color: the run's colour.
         shared: whether to draw what runs have in common: dead reckoning and truth.
+        relative: whether N_eff is plotted as a share of the particles, so that runs of different numbers compare.
     """
 
     def __init__(
@@ -47,12 +48,15 @@ class Drawing:
         run: str = ONLY_RUN,
         color: Color = entities.FILTER,
         shared: bool = True,
+        relative: bool = False,
     ) -> None:
         self.recording, self.config, self.sink, self.run = recording, config, sink, run
         self.logged: set[str] = set()
         self._max_particles, self._shared = max_particles, shared
         self._trails: dict[Entity, Trail] = {}
+        self._relative = relative
         self._spreads = np.zeros(0)
+        self._turned = 0.0  # degrees, by the last scan
         style.style_run(sink, run, color, recording.frames)
         if shared:
             style.style_shared(sink, recording)
@@ -141,14 +145,34 @@ class Drawing:
         curves: dict[str, Any] = {
             **scans.curves,
             "drift": _distance(scans.best, scans.dead_reckoning),
-            "heading_drift": np.degrees(np.abs(geometry.wrap(scans.best[:, 2] - scans.dead_reckoning[:, 2]))),
+            "heading_drift": self._heading_drift(scans),
             "spread": np.sqrt(np.maximum(np.trace(scans.covariance, axis1=1, axis2=2), 0.0)),
         }
         self._spreads = np.concatenate([self._spreads, curves["spread"]])
         if scans.truth is not None:
             curves["error"] = _distance(scans.best, scans.truth)
+        particles = scans.weights.lengths if self._relative else np.ones(len(scans))
+        curves["n_eff"] = curves["n_eff"] / particles
         for name, values in curves.items():
             self._send(RUN_CURVES[name], scans, archetypes.scalar_columns(values))
+        self._send_some(entities.RESAMPLED, scans, np.flatnonzero(scans.resampled), curves["n_eff"])
+        if self.config.resampling.policy == "n_eff":
+            limits = self.config.resampling.threshold * scans.weights.lengths / particles
+            ends = np.unique([0, len(scans) - 1])  # of a straight line
+            self._send_some(entities.N_EFF_LIMIT, scans, ends, limits)
+
+    def _heading_drift(self, scans: ScanBatch) -> Array:
+        """Degrees that dead reckoning has turned further than the filter, signed, whole turns counted."""
+        apart = np.degrees(geometry.wrap(scans.dead_reckoning[:, 2] - scans.best[:, 2]))
+        unwrapped = np.unwrap(np.concatenate([[self._turned], apart]), period=360.0)[1:]
+        self._turned = float(unwrapped[-1])
+        return unwrapped
+
+    def _send_some(self, row: Entity, scans: ScanBatch, rows: Any, values: Any) -> None:
+        """``values`` (n,), but only those at ``rows``."""
+        if len(rows):
+            columns = archetypes.scalar_columns(values[rows])
+            self._send_rows(row.path(self.run), scans.index[rows], scans.time[rows], columns)
 
     def _draw_contents(self, path: str, contents: Sequence[TimedContent]) -> None:
         """Contents of one entity; few at a time where they are large."""

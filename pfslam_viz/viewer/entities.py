@@ -77,6 +77,7 @@ class Kind(Enum):
     IMAGE = auto()  # an image by itself
     FRAME = auto()  # a coordinate frame that other entities hang on; not visible
     CURVE = auto()  # numbers in a plot
+    MARKS = auto()  # single numbers in a plot, a dot each
 
 
 class View(Enum):
@@ -106,6 +107,8 @@ class Entity:
         z: height in m that it is drawn at.
         views: the views that contain it.
         title: of the plot, for a curve that is a plot's first.
+        keep: which of the scans that share a pixel a curve shows: Rerun's aggregation policy. An average would hide
+            the lows, or the highs, that the curve is looked at for.
     """
 
     template: str
@@ -116,6 +119,7 @@ class Entity:
     z: float = 0.0
     views: tuple[View, ...] = ()
     title: str = ""
+    keep: Literal["Average", "Min", "Max"] = "Average"
 
     def path(self, run: str) -> str:
         """Its entity path in a run, whose name does not matter where the entity is shared."""
@@ -207,27 +211,39 @@ TRUE_TRAJECTORY = Entity("world/truth/trajectory", Kind.TRAIL, color=TRUTH, widt
 DRIFT = Entity("plots/drift/{run}", Kind.CURVE, color="run", width=1.5, views=(View.COMPARE_PLOTS,),
     title="Dead reckoning from filter (m)", help="m between dead reckoning and the filter")
 ERROR = Entity("plots/error/{run}", Kind.CURVE, color="run", width=1.5, views=(View.COMPARE_PLOTS,),
-    title="Error against truth (m)", help="m from the filter's pose, as it was estimated then, to the truth")
+    title="Error against truth (m)", keep="Max",
+    help="m from the filter's pose, as it was estimated then, to the truth")
 RECKONED_ERROR = Entity("plots/error/dead_reckoning", Kind.CURVE, color=DEAD_RECKONING, width=1.5,
-    views=(View.COMPARE_PLOTS,), help="m from dead reckoning to the truth")
+    views=(View.COMPARE_PLOTS,), keep="Max", help="m from dead reckoning to the truth")
 CORRELATION = Entity("plots/correlation/{run}", Kind.CURVE, color="run", width=1.5, views=(View.FILTER_PLOTS,),
-    title="End points on occupied cells", help="share of the end points that fall on occupied cells")
+    title="End points on occupied cells", keep="Min",
+    help="share of the end points that fall on occupied cells")
 N_EFF = Entity("plots/n_eff/{run}", Kind.CURVE, color="run", width=1.5, views=(View.COMPARE_PLOTS, View.FILTER_PLOTS),
-    title="N_eff: effective particles", help="effective number of particles, 1 / Σ w²")
+    title="N_eff: effective particles", keep="Min",
+    help="effective number of particles, 1 / Σ w²: the lowest of the scans that share a pixel")
+N_EFF_LIMIT = Entity("plots/n_eff/{run}/threshold", Kind.CURVE, color=MISS, width=1.0,
+    views=(View.COMPARE_PLOTS, View.FILTER_PLOTS), help="{color} line: below this N_eff, particles are resampled")
+RESAMPLED = Entity("plots/n_eff/{run}/resampled", Kind.MARKS, color=MISS, width=2.0,
+    views=(View.COMPARE_PLOTS, View.FILTER_PLOTS), help="{color} dot: the particles were resampled after this scan")
 SPREAD = Entity("plots/spread/{run}", Kind.CURVE, color="run", width=1.5, views=(View.COMPARE_PLOTS,),
-    title="Spread of the particles (m)", help="m: standard deviation of the particles' positions")
+    title="Spread of the particles (m)", keep="Max",
+    help="m: standard deviation of the particles' positions")
 SURVIVORS = Entity("plots/lineages/{run}", Kind.CURVE, color="run", width=1.5, views=(View.FILTER_PLOTS,),
-    title="Surviving lineages", help="distinct ancestors since all particles last shared one")
+    title="Surviving lineages", keep="Min",
+    help="distinct ancestors since all particles last shared one")
 HEADING_DRIFT = Entity("plots/heading_drift/{run}", Kind.CURVE, color="run", width=1.5, views=(View.FILTER_PLOTS,),
-    title="Heading: dead reckoning from filter (°)", help="degrees between dead reckoning and the filter")
-SCORE = Entity("plots/score/{run}", Kind.CURVE, color="run", width=1.5,
+    title="Heading: dead reckoning from filter (°)",
+    help="degrees, counter-clockwise, that dead reckoning has turned further than the filter: 400 is once round and 40")
+SCORE = Entity("plots/score/{run}", Kind.CURVE, color="run", width=1.5, keep="Min",
     help="mean agreement of the matched scan with the map, 0 to 1")
-CORRECTION_LENGTH = Entity("plots/correction/{run}", Kind.CURVE, color="run", width=1.5,
+CORRECTION_LENGTH = Entity("plots/correction/{run}", Kind.CURVE, color="run", width=1.5, keep="Max",
     help="m that scan matching moved the pose")
 # fmt: on
 
 ENTITIES: tuple[Entity, ...] = tuple(value for value in list(globals().values()) if isinstance(value, Entity))
 """The table: every row above, in their order."""
 
-RUN_CURVES: dict[str, Entity] = {row.plot: row for row in ENTITIES if row.kind is Kind.CURVE and row.owner == "{run}"}
+RUN_CURVES: dict[str, Entity] = {
+    row.plot: row for row in ENTITIES if row.kind is Kind.CURVE and row.template.endswith("/{run}")
+}
 """The curves that each run has, by plot."""

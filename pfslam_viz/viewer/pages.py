@@ -16,6 +16,7 @@ INTRODUCTION = (
     " **Filter** follows the robot and its particles."
 )
 
+PLOTTED = (Kind.CURVE, Kind.MARKS)
 SHOWN: tuple[tuple[Severity, str], ...] = (("wrong", "Wrong"), ("doubtful", "Doubtful"))
 
 
@@ -26,13 +27,13 @@ def help_page(runs: Sequence[str], logged: Iterable[str] | None) -> str:
     names = [COLOR_NAMES[color] for color in colors.values()]
     named = names[0] if len(runs) == 1 else ", ".join(f"{r} {c}" for r, c in zip(runs, names, strict=True))
     lines = ["# What you see", "", INTRODUCTION.format(runs=named), ""]
-    rows = [row for row in ENTITIES if row.kind is not Kind.CURVE]
+    rows = [row for row in ENTITIES if row.kind not in PLOTTED]
     own, shared = [r for r in rows if r.owner == "{run}"], [r for r in rows if r.owner != "{run}"]
     for run, color in colors.items():
         title = "Particle filter" if len(runs) == 1 else f"`{run}`"
         lines += _table(title, [line for row in own for line in _lines(row, run, color)], known)
     lines += _table("Dead reckoning and truth", [line for row in shared for line in _lines(row, "", FILTER)], known)
-    curves = [row for row in ENTITIES if row.kind is Kind.CURVE]
+    curves = [row for row in ENTITIES if row.kind in PLOTTED]
     of_curves = [line for row in curves for run, color in colors.items() for line in _lines(row, run, color)]
     lines += _table("Curves", list(dict.fromkeys(of_curves)), known)
     return "\n".join(lines)

@@ -78,7 +78,15 @@ def _style(sink: Sink, row: Entity, run: str, run_color: Color, frames: Frames |
             style = rr.LineStrips3D([UNIT_CIRCLE], colors=color, radii=radius)
         case Kind.CURVE:
             name = run if row.owner == "{run}" else row.owner
-            style = rr.SeriesLines(colors=color, widths=row.width, names=name.replace("_", " "))
+            name += ": threshold" if row is entities.N_EFF_LIMIT else ""
+            keep = rr.components.AggregationPolicy[row.keep]
+            style = rr.SeriesLines(
+                colors=color, widths=row.width, names=name.replace("_", " "), aggregation_policy=keep
+            )
+        case Kind.MARKS:
+            style = rr.SeriesPoints(
+                colors=color, marker_sizes=row.width, markers="Circle", names=f"{run}: resampled".replace("_", " ")
+            )
         case Kind.ROBOT:
             shape, outline = row.visible(run)
             sink.log_static(shape, _arrow_head(color))

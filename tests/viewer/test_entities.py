@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+import rerun as rr
 from numpy.typing import NDArray
 
 from pfslam_viz.viewer import entities
@@ -118,7 +119,7 @@ def test_every_row_that_is_visible_is_on_the_help_page(file: "Readable", row: En
         assert f"`/{path}` | {name}" in page or row.kind in (Kind.BOXES, Kind.CURVE)
 
 
-COLORED = {Kind.CAMERA: "color", Kind.CURVE: "colors", Kind.BOXES: "colors"}
+COLORED = {Kind.CAMERA: "color", Kind.CURVE: "colors", Kind.MARKS: "colors", Kind.BOXES: "colors"}
 PLAIN = (Kind.GRID, Kind.IMAGE, Kind.FRAME)  # their data say all
 
 
@@ -137,6 +138,9 @@ def test_the_static_style_is_the_rows(file: "Readable", row: Entity) -> None:
             assert file.static(path, COLORED.get(row.kind, "colors")) == [packed]
         if row.kind is Kind.CURVE:
             assert file.static(path, "widths") == [row.width]
+            assert file.static(path, "aggregation_policy") == [rr.components.AggregationPolicy[row.keep].value]
+        elif row.kind is Kind.MARKS:
+            assert file.static(path, "marker_sizes") == [row.width]
         elif row.kind not in COLORED:
             assert file.static(path, "radii") == [-row.width]  # negative: in ui points
 

@@ -24,6 +24,6 @@ def test_the_about_page_tells_recording_configuration_and_versions(corridor: "Co
     page = about_page(corridor.recording, [corridor.config], ["maps: 3 of 60"])
     assert "| scans | 60 of 91 beams |" in page
     assert "| particles | 40 |" in page
-    assert "| motion.variance | (0.001, 0.001, 0.001) |" in page
+    assert "| resampling.policy | n_eff |" in page
     assert "- maps: 3 of 60" in page
     assert f"rerun {rerun.__version__}" in page
