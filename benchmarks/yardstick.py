@@ -50,7 +50,11 @@ def simulated(building: str, seed: int, **errors: float) -> Entry:
 THINNED = ("edmonton", "orebro", "fhw", "belgioioso", "freiburg-101", "seattle")
 ENTRIES = (
     *(Entry(f"thinned/{n}", f"thinned/{n}.clf.bz2", f"thinned/{n}.reference.npz") for n in THINNED),
-    *(Entry(f"case/{n}", f"cases/{n}/{n}.log", f"cases/{n}/truth.tum") for n in ("base", "stilldrift", "people2")),
+    *(
+        Entry(f"case/{n}", f"cases/{n}/{n}.log", f"cases/{n}/truth.tum")
+        for n in ("base", "stilldrift", "people2", "lds35", "sentinel8", "clockwise")
+    ),
+    Entry("case/n_base", "cases/n_base/Hokuyo21.npz", "cases/n_base/truth.tum"),
     simulated("hallway", 20, slip=0.2),
     simulated("ring", 14, wheel_scale=0.95, slip=0.05),
     simulated("ring", 19, wheel_scale=1.1, slip=0.1, gyro_bias=0.01),
@@ -162,12 +166,11 @@ def run(recording: Recording, config: Config, seed: int) -> Outcome:
         pass
     seconds = perf_counter() - started
     result = replay.result()
-    kept = getattr(result, "kept", None) or "settled"
     return Outcome(
         error(recording, result.stamps, result.online),
         error(recording, result.stamps, result.estimate),
         shape_error(recording, result.stamps, result.estimate),
-        str(kept),
+        "-" if result.kept is None else f"{result.kept.trajectory} {result.kept.sigmas:.1f}",
         len(result.closures),
         recording.duration / seconds,
     )

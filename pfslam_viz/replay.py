@@ -17,7 +17,7 @@ from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.slam.backends import make_slam
 from pfslam_viz.slam.background_grid import BackgroundGrid
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
-from pfslam_viz.slam.protocol import LoopClosure, Slam
+from pfslam_viz.slam.protocol import Kept, LoopClosure, Slam
 from pfslam_viz.slam.scan_reader import ScanReader
 from pfslam_viz.slam.worker import Worker, cores
 from pfslam_viz.step import Step
@@ -50,6 +50,7 @@ class Result:
         interrupted: whether the run was stopped before the last scan.
         finish_seconds: what settling the whole run took, after the last scan.
         closures: the loops that settling it closed.
+        kept: whether the estimate is the settled trajectory or the one of the run, if there was a choice.
         texture: the floor texture, if it was painted.
         skipped_frames: how many colour frames were not painted, by reason, if any were to be.
     """
@@ -69,6 +70,7 @@ class Result:
     interrupted: bool
     finish_seconds: float = 0.0
     closures: tuple[LoopClosure, ...] = ()
+    kept: Kept | None = None
     texture: "FloorTexture | None" = None
     skipped_frames: "SkippedFrames | None" = None
 
@@ -224,6 +226,7 @@ class Replay:
             interrupted=n < len(self.recording),
             finish_seconds=self._finish_seconds,
             closures=self.slam.closures,
+            kept=self.slam.kept,
             texture=self._texture,
             skipped_frames=None if self.painter is None else self.painter.skipped,
         )

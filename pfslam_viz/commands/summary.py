@@ -10,6 +10,7 @@ from rich.text import Text
 
 from pfslam_viz import geometry
 from pfslam_viz.replay import PHASES, Result
+from pfslam_viz.slam.protocol import Kept
 
 
 def summary(
@@ -105,5 +106,14 @@ def _run(result: Result, seconds: float, log_seconds: float) -> Iterator[tuple[s
     spent = {phase.replace("_", " "): float(result.seconds[phase].sum()) for phase in PHASES} | {"log": log_seconds}
     yield "ms a scan", ", ".join(f"{name} {1e3 * total / n:.2f}" for name, total in spent.items() if total > 0)
     yield "resampled", f"after {result.resamplings:,} of {n:,} scans"
+    if result.kept is not None:
+        yield "kept", _kept(result.kept)
     if result.uninformative:
         yield "no match", f"{result.uninformative:,} of {n:,} scans had no correlation with the map"
+
+
+def _kept(kept: Kept) -> str:
+    """Which trajectory was kept, and why."""
+    if kept.trajectory == "settled":
+        return f"settled: the scans speak for it by {kept.sigmas:.1f} sigmas"
+    return "online: the scans do not speak for the settled trajectory"

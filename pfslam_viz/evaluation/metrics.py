@@ -58,6 +58,7 @@ def metrics(result: Result) -> dict[str, Any]:
         },
         "truth": {name: s["truth"] for name, s in scored.items() if "truth" in s} or None,
         "relations": {name: s["relations"] for name, s in scored.items() if "relations" in s} or None,
+        "kept": None if result.kept is None else asdict(result.kept),
         "resamplings": result.resamplings,
         "uninformative": result.uninformative,
         "frames": _frames(result),

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz.slam import kernels
-from pfslam_viz.slam.protocol import Estimate, LoopClosure, Match
+from pfslam_viz.slam.protocol import Estimate, Kept, LoopClosure, Match
 
 Array = NDArray[np.float64]
 
@@ -40,6 +40,11 @@ class Belief:
     def closures(self) -> tuple[LoopClosure, ...]:
         """None: who keeps one map keeps no scans to close a loop with."""
         return ()
+
+    @property
+    def kept(self) -> Kept | None:
+        """None: who keeps one map settles nothing in hindsight."""
+        return None
 
     def estimate(self) -> Estimate:
         """The belief after the scan, from the particles as they were weighed (before resampling)."""

@@ -1,7 +1,7 @@
 """What replay asks of a SLAM back end, and what it answers: back ends are interchangeable behind this."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,20 @@ class LoopClosure:
     later: int
     earlier_position: Array
     later_position: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """Which of two trajectories was kept when all scans were in: that of the run, or the one settled in hindsight.
+
+    ``gain`` is by how much more the scans agree with the settled one, as a share of a scan's end points, judged by
+    scans that no fit had matched; ``sigmas`` is that over its standard error. The settled one is kept if it is clearly
+    better; where that cannot be told, the ``online`` one is.
+    """
+
+    trajectory: Literal["settled", "online"]
+    gain: float
+    sigmas: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +140,11 @@ class Slam(Protocol):
     @property
     def closures(self) -> tuple[LoopClosure, ...]:
         """The loops that :meth:`finish` closed."""
+        ...
+
+    @property
+    def kept(self) -> Kept | None:
+        """Which trajectory :meth:`finish` kept; None if there was no choice."""
         ...
 
     def finish(self) -> None:

@@ -175,7 +175,7 @@ def test_no_odometry_in_the_scans_but_in_odom_lines(tmp_path: Path) -> None:
         ([flaser([1.0] * 90 + [81.83] * 90, (0, 0, 0), 1)], 80.0),
         (["PARAM robot_front_laser_max 40.5 0 h 0", flaser([1.0] * 180, (0, 0, 0), 1)], 40.5),
         (["PARAM robot_front_laser_max 81.9 0 h 0", flaser([1.0] * 180, (0, 0, 0), 1)], 80.0),
-        ([flaser([1.0] * 150 + [30.0, 45.0, 49.9] + [50.0] * 27, (0, 0, 0), 1)], 80.0),  # cut at 50 m: told from a drive, not from one scan
+        ([flaser([1.0] * 150 + [30.0, 45.0, 49.9] + [50.0] * 27, (0, 0, 0), 1)], 80.0),  # cut: told in a drive
         ([flaser([25.0, 24.5, 24.0] * 60, (0, 0, 0), 1)], 80.0),  # a hall with a far wall: nothing is cut
         ([flaser([2.0] * 180, (0, 0, 0), 1)], 80.0),
     ],

@@ -23,9 +23,19 @@ from pfslam_viz.settings import Config
 from pfslam_viz.simulation.recording import simulate
 from pfslam_viz.simulation.sensors import true_ranges
 from pfslam_viz.slam.graph import loop_closing, smoothing
+from pfslam_viz.slam.graph.drift import Drift
+from pfslam_viz.slam.graph.evidence import compare
+from pfslam_viz.slam.graph.loop_closing import find_candidates
 from pfslam_viz.slam.graph.pose_graph import Constraints
 from pfslam_viz.slam.graph.scan_store import ScanStore
-from pfslam_viz.slam.graph.settings import GraphConfig, LoopClosingConfig, ScanMatchingConfig, SmoothingConfig
+from pfslam_viz.slam.graph.settings import (
+    DriftConfig,
+    EvidenceConfig,
+    GraphConfig,
+    LoopClosingConfig,
+    ScanMatchingConfig,
+    SmoothingConfig,
+)
 from pfslam_viz.slam.graph.smoothing import Smoother
 from pfslam_viz.slam.paper.settings import PaperConfig
 from pfslam_viz.slam.rbpf.settings import RbpfConfig
@@ -58,6 +68,7 @@ OTHER: dict[str, Any] = {
     "scan_matching.fewest_points": 110,
     "rao_blackwellized.scan_good": 0.99,
     "rao_blackwellized.scan_better": 0.0,
+    "rao_blackwellized.scan_unseen": 1.0,
     "rao_blackwellized.scan_near": 0.0,
     "rao_blackwellized.scan_freedom": 1000.0,
     "rao_blackwellized.scan_noise_distance": 10.0,
@@ -83,6 +94,7 @@ GIVEN = {
     "resampling.scheme": ["resampling.policy=always"],
     "odometry": ["odometry.prior_motions=1", "odometry.scale_motions=3"],
     "rao_blackwellized.scan_good": ["odometry.prior_motions=1"],
+    "rao_blackwellized.scan_unseen": ["rao_blackwellized.update_distance=10.0"],
     "rao_blackwellized.scan_better": ["rao_blackwellized.scan_good=1.0"],
     "rao_blackwellized.scan_freedom": ["rao_blackwellized.scan_near=0.0"],
     "rao_blackwellized.scan_noise_distance": ["rao_blackwellized.scan_near=0.1"],
@@ -252,14 +264,20 @@ def round_the_block(block: Array) -> Round:
     return geometry.accumulate(odometry), odometry, scans
 
 
-def settled(given: Round, smoothing: SmoothingConfig, loops: LoopClosingConfig) -> str:
-    poses, odometry, scans = given
-    config = GraphConfig(smoothing=smoothing, loop_closing=loops)
+def store_of(scans: list[Array]) -> ScanStore:
     store = ScanStore(np.zeros(2), ScanMatchingConfig())
     for points in scans:
         store.add(points)
-    smoothed = Smoother(store, odometry, config).smooth(poses)
-    return digest(smoothed.poses, smoothed.closed)
+    return store
+
+
+def settled(given: Round, smoothing: SmoothingConfig, loops: LoopClosingConfig) -> str:
+    """The trajectory in hindsight, its loops, and where one would go on to look for more."""
+    poses, odometry, scans = given
+    smoother = Smoother(store_of(scans), odometry, GraphConfig(smoothing=smoothing, loop_closing=loops))
+    smoothed = smoother.smooth(poses)
+    looked = find_candidates(poses, smoother.drift(poses, smoothed.closed), loops)
+    return digest(smoothed.poses, smoothed.closed, looked.earlier, looked.later, looked.reach, looked.turn)
 
 
 SMOOTHING = SmoothingConfig(radius=1.0)
@@ -281,9 +299,9 @@ SMOOTHING_GIVEN = {"turn_length": {"radius": 3.0, "neighbours": 1, "apart": 8}}
 LOOP_OTHER: dict[str, Any] = {
     "least_loop": 1000.0,
     "most_reach": 1.0,
+    "most_turn": 0.19,
+    "least_turn": 0.4,
     "view": 1.0,
-    "around": 2,
-    "around_step": 25,
     "points": 40,
     "fits_already": 0.01,
     "score": 0.99,
@@ -321,14 +339,68 @@ def test_every_setting_of_loop_closing(key: str, round_the_block: Round, usually
     assert settled(round_the_block, SMOOTHING, changed_loops) != usually_settled
 
 
+DRIFT_OTHER: dict[str, Any] = {"links": 1, "triangles": 10**6, "least_distance": 1.0, "least_angle": 1.0}
+DRIFT_GIVEN = {"usual_distance": {"triangles": 10**6}, "usual_angle": {"triangles": 10**6}}
+
+
+@pytest.mark.parametrize("key", DriftConfig.model_fields)
+def test_every_setting_of_drift(key: str, round_the_block: Round) -> None:
+    """It changes how far loops are looked for."""
+    poses, odometry, scans = round_the_block
+    store, given = store_of(scans), DriftConfig().model_dump() | DRIFT_GIVEN.get(key, {})
+    value = DRIFT_OTHER.get(key, changed("", DriftConfig.model_fields[key], given[key]))
+    reaches = []
+    for change in ({}, {key: value}):
+        config = GraphConfig(smoothing=SMOOTHING, drift=DriftConfig.model_validate(given | change))
+        drift = Smoother(store, odometry, config).drift(geometry.accumulate(odometry), np.zeros((0, 2), np.int64))
+        reaches.append(digest(*drift.before(len(poses) - 1)))
+    assert reaches[0] != reaches[1]
+
+
+EVIDENCE_OTHER: dict[str, Any] = {
+    "apart": 3,
+    "visits": 1,
+    "turn_length": 20.0,
+    "fewest_points": 170,
+    "gap": 0.5,
+    "wall_reach": 0.01,
+    "margin": 1.0,
+    "margin_share": 0.3,
+    "least_told": 0.99,
+}
+EVIDENCE_GIVEN = {"turn_length": {"visits": 1, "apart": 8}}
+
+
+@pytest.mark.parametrize("key", [key for key in EvidenceConfig.model_fields if key != "sure"])
+def test_every_setting_of_the_evidence(key: str, round_the_block: Round) -> None:
+    poses, _, scans = round_the_block
+    store, given = store_of(scans), EvidenceConfig().model_dump() | EVIDENCE_GIVEN.get(key, {})
+    value = EVIDENCE_OTHER.get(key, changed("", EvidenceConfig.model_fields[key], given[key]))
+    other = poses + np.linspace(0.0, 0.3, len(poses))[:, None]
+    one, two = (
+        compare(store, poses, other, EvidenceConfig.model_validate(given | change)) for change in ({}, {key: value})
+    )
+    assert one != two
+
+
+@pytest.mark.parametrize(("sure", "kept"), [(0.0, "settled"), (1e9, "online")])
+def test_how_sure_one_must_be_decides_what_is_kept(sure: float, kept: str) -> None:
+    config = with_setting(load_config("default", ["particles=3"]), "evidence.sure", sure)
+    replay = Replay(short_drive(), config, threads=1)
+    list(replay)
+    result = replay.result()
+    assert result.kept is not None and result.kept.trajectory == kept
+    assert (result.estimate == result.online).all() == (kept == "online")
+
+
 @pytest.mark.parametrize("searches", [1, 2])
 def test_a_search_follows_a_closed_loop(searches: int, round_the_block: Round, monkeypatch: pytest.MonkeyPatch) -> None:
     """In this drive one search finds all there is; how often is looked shows in how often it is called."""
     looked = []
 
-    def find(scans: ScanStore, poses: Array, config: LoopClosingConfig) -> list[Constraints]:
+    def find(scans: ScanStore, poses: Array, drift: Drift, config: LoopClosingConfig) -> list[Constraints]:
         looked.append(1)
-        return loop_closing.find_loops(scans, poses, config)
+        return loop_closing.find_loops(scans, poses, drift, config)
 
     monkeypatch.setattr(smoothing, "find_loops", find)
     settled(round_the_block, SMOOTHING, LoopClosingConfig(least_reach=3.0, searches=searches))

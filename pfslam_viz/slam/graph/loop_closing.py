@@ -15,6 +15,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
+from pfslam_viz.slam.graph.branch_and_bound import search
+from pfslam_viz.slam.graph.drift import Drift
 from pfslam_viz.slam.graph.pose_graph import Constraints, turned
 from pfslam_viz.slam.graph.scan_store import ScanStore, trusted
 from pfslam_viz.slam.graph.settings import LoopClosingConfig
@@ -26,16 +28,17 @@ Field = NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True)
 class Candidates:
-    """Pairs of key scans (c,) that may show the same place, and how far apart (c,) m they may have drifted."""
+    """Pairs of key scans (c,) that may show the same place, and how far (c,) m and rad they may have drifted apart."""
 
     earlier: Indices
     later: Indices
     reach: Array
+    turn: Array
 
 
-def find_loops(scans: ScanStore, poses: Array, config: LoopClosingConfig) -> list[Constraints]:
+def find_loops(scans: ScanStore, poses: Array, drift: Drift, config: LoopClosingConfig) -> list[Constraints]:
     """Constraints between key scans that show the same place though ``poses`` (k, 3) do not say so, loop by loop."""
-    candidates = find_candidates(poses, config)
+    candidates = find_candidates(poses, drift, config)
     found = _search_all(scans, poses, candidates, config)
     if not found:
         return []
@@ -55,22 +58,29 @@ def find_loops(scans: ScanStore, poses: Array, config: LoopClosingConfig) -> lis
     return [closures.pick(part) for part in np.split(np.arange(len(closures)), breaks) if len(part)]
 
 
-def find_candidates(poses: Array, config: LoopClosingConfig) -> Candidates:
-    """Key scans, each with the nearest earlier one that drift since then may have carried away from it."""
-    path = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
-    earlier, later, reaches = [], [], []
-    for k in range(0, len(poses), config.every):
-        between = path[k] - path
-        reach = np.clip(config.least_reach + config.drift * between, 0.0, config.most_reach)
-        away = np.hypot(*(poses[:, :2] - poses[k, :2]).T)
-        away[(between < config.least_loop) | (away > reach)] = np.inf
-        away[k:] = np.inf
-        nearest = int(np.argmin(away))
-        if np.isfinite(away[nearest]):
-            earlier.append(nearest)
-            later.append(k)
-            reaches.append(reach[nearest])
-    return Candidates(np.array(earlier, np.int64), np.array(later, np.int64), np.array(reaches))
+def find_candidates(poses: Array, drift: Drift, config: LoopClosingConfig) -> Candidates:
+    """Key scans, each with the nearest earlier ones that drift since then may have carried away from it."""
+    path = path_lengths(poses)
+    found: list[tuple[int, int, float, float]] = []
+    for k in range(config.every, len(poses), config.every):
+        position, heading = drift.before(k)
+        reach = np.clip(config.sigmas * position, config.least_reach, config.most_reach)
+        turn = np.clip(config.sigmas * heading, config.least_turn, config.most_turn)
+        away = np.hypot(*(poses[:k, :2] - poses[k, :2]).T)
+        away[(path[k] - path[:k] < config.least_loop) | (away > reach)] = np.inf
+        for _ in range(config.places):
+            nearest = int(np.argmin(away))
+            if not np.isfinite(away[nearest]):
+                break
+            found.append((nearest, k, float(reach[nearest]), float(turn[nearest])))
+            away[np.abs(path[:k] - path[nearest]) < config.elsewhere] = np.inf
+    earlier, later, reaches, turns = (np.array(column) for column in zip(*found, strict=True)) if found else ([],) * 4
+    return Candidates(np.array(earlier, np.int64), np.array(later, np.int64), np.array(reaches), np.array(turns))
+
+
+def path_lengths(poses: Array) -> Array:
+    """(k,) m driven up to each of the poses (k, 3)."""
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
 
 
 def _search_all(
@@ -78,18 +88,21 @@ def _search_all(
 ) -> list[tuple[int, int, Array]]:
     """The candidates that fit somewhere else than where they are: earlier, later, and the increment between them."""
     views: dict[int, Array] = {}
+    path = path_lengths(poses)
 
     def view_of(key: int) -> Array:
         if key not in views:
-            views[key] = view(scans, poses, key, config)
+            views[key] = view(scans, poses, path, key, config)
         return views[key]
 
     def search(part: slice) -> list[tuple[int, int, Array]]:
         found = []
-        pairs = zip(candidates.earlier[part], candidates.later[part], candidates.reach[part], strict=True)
-        for earlier, later, reach in pairs:
+        pairs = zip(
+            candidates.earlier[part], candidates.later[part], candidates.reach[part], candidates.turn[part], strict=True
+        )
+        for earlier, later, reach, turn in pairs:
             pivot = geometry.between(poses[earlier], poses[later])
-            better = _search(view_of(int(earlier)), view_of(int(later)), pivot, float(reach), config)
+            better = _search(view_of(int(earlier)), view_of(int(later)), pivot, float(reach), float(turn), config)
             if better is not None:
                 found.append((int(earlier), int(later), better))
         return found
@@ -98,10 +111,12 @@ def _search_all(
     return [loop for part in parts for loop in part]
 
 
-def _search(there: Array, seen: Array, pivot: Array, reach: float, config: LoopClosingConfig) -> Array | None:
+def _search(
+    there: Array, seen: Array, pivot: Array, reach: float, turn: float, config: LoopClosingConfig
+) -> Array | None:
     """Where the view ``seen`` (m, 2) fits on the view ``there`` (n, 2) better than at ``pivot`` (3,), and nowhere else.
 
-    The increment (3,) is within ``reach`` m of the pivot; None where there is no such place.
+    The increment (3,) is within ``reach`` m and ``turn`` rad of the pivot; None where there is no such place.
     """
     centre, cell = pivot[:2], config.cell
     points = (geometry.transform(pivot, seen[:: max(1, len(seen) // config.points)]) - centre) / cell
@@ -111,26 +126,21 @@ def _search(there: Array, seen: Array, pivot: Array, reach: float, config: LoopC
     if here > config.fits_already:
         return None
     steps = math.ceil(reach / cell)
-    turns = np.arange(-config.most_turn, config.most_turn + config.turn_step / 2, config.turn_step)
-    scores = overlay(field, at, points, turns, steps)
-    best = np.unravel_index(int(np.argmax(scores)), scores.shape)
-    score = float(scores[best])
-    if score < config.score or here > config.rival * score:
-        return None  # it fits nowhere, or as well where it is
-    rivals = scores.max(axis=0)
-    rows, columns = np.ogrid[: rivals.shape[0], : rivals.shape[1]]
-    rivals[(rows - best[1]) ** 2 + (columns - best[2]) ** 2 <= (config.rival_distance / cell) ** 2] = 0.0
-    if rivals.max() > config.rival * score:
+    count = math.ceil(turn / config.turn_step)
+    turns = config.turn_step * np.arange(-count, count + 1, dtype=np.float64)
+    least = max(config.score, here / config.rival)  # otherwise it fits nowhere, or as well where it is
+    fit = search(field, at, points, turns, steps, least=least, share=config.rival, apart=config.rival_distance / cell)
+    if fit is None or fit.rival > config.rival * fit.score:
         return None
-    shift = np.array([(best[2] - steps) * cell, (best[1] - steps) * cell])
-    return np.array([*(pivot[:2] + shift), pivot[2] + float(turns[best[0]])])
+    return np.array([*(pivot[:2] + cell * np.array([fit.column, fit.row])), pivot[2] + float(turns[fit.turn])])
 
 
-def view(scans: ScanStore, poses: Array, key: int, config: LoopClosingConfig) -> Array:
-    """End points (m, 2) of the key scans around ``key``, in its frame."""
-    near = range(max(0, key - config.around), min(len(poses), key + config.around + 1), config.around_step)
+def view(scans: ScanStore, poses: Array, path: Array, key: int, config: LoopClosingConfig) -> Array:
+    """End points (m, 2) of the key scans around ``key`` along the ``path`` (k,) m, in its frame."""
+    near = np.flatnonzero(np.abs(path - path[key]) <= config.around)
+    near = near[:: 1 + (len(near) - 1) // config.view_scans]
     return np.concatenate(
-        [geometry.transform(geometry.between(poses[key], poses[k]), scans.points_of(k)) for k in near]
+        [geometry.transform(geometry.between(poses[key], poses[k]), scans.points_of(int(k))) for k in near]
     )
 
 

@@ -1,4 +1,4 @@
-"""The settings of matching key scans, smoothing the pose graph, and closing loops."""
+"""The settings of matching key scans, smoothing the pose graph, closing loops, and judging what came of it."""
 
 from typing import Annotated
 
@@ -88,7 +88,7 @@ class OdometryConfig(Section):
     least_noise: float = setting(0.1, "times the noise in the settings, at least", gt=0)
     most_noise: float = setting(1.5, "times the noise in the settings, at most", gt=0)
     scale_driven: float = setting(0.05, "a motion this long tells the wheels' scale ...", "m", gt=0)
-    scale_known: float = setting(0.2, "... if the scans know every direction by this share", ge=0, lt=0.5)
+    scale_known: float = setting(0.05, "... if the scans know every direction by this share", ge=0, lt=0.5)
     scale_motions: int = setting(20, "motions that have to tell it", ge=1)
     largest_scale: float = setting(1.25, "a scale above this, or below its inverse, is not believed", gt=1)
 
@@ -100,16 +100,21 @@ class LoopClosingConfig(Section):
     searches: int = setting(3, "rounds of searching: a closed loop can bring others within reach", ge=1, le=20)
     every: int = setting(5, "key scans from one that is looked at to the next", ge=1)
     least_loop: float = setting(10.0, "driven since a place before it is looked for", "m", gt=0)
+    places: int = setting(4, "earlier places that are looked at for one key scan, at most", ge=1)
+    elsewhere: float = setting(6.0, "along the path from one earlier place that may be the one to the next", "m", gt=0)
+    sigmas: float = setting(3.0, "standard deviations of the drift within which a place is looked for", gt=0)
     least_reach: float = setting(1.0, "searched round about at least ...", "m", gt=0)
-    drift: float = setting(0.03, "... and so much more per m driven since ...", ge=0)
-    most_reach: float = setting(5.0, "... but no more than this", "m", gt=0)
-    most_turn: float = setting(0.18, "searched to either side", "rad", gt=0)
+    most_reach: float = setting(15.0, "... and at most", "m", gt=0)
+    least_turn: float = setting(0.18, "searched to either side at least ...", "rad", gt=0)
+    most_turn: float = setting(0.5, "... and at most", "rad", gt=0)
     turn_step: float = setting(0.03, "of the search", "rad", gt=0)
     cell: float = setting(0.1, "step of the search, and edge of a cell of the map that is searched", "m", gt=0)
     blur: float = setting(0.12, "how far from a wall an end point still counts", "m", gt=0)
     view: float = setting(12.0, "round a place that its map covers", "m", gt=0)
-    around: int = setting(12, "key scans before and after that are put together to one view", ge=0)
-    around_step: int = setting(3, "of these, every so many are taken", ge=1)
+    around: float = setting(
+        2.5, "along the path before and after, from where key scans are put together to one view", "m", gt=0
+    )
+    view_scans: int = setting(9, "key scans in one view, at most", ge=1)
     points: int = setting(300, "end points of a view that are laid over the map, about", ge=10)
     fits_already: float = setting(0.8, "mean agreement from which two views need not be searched", gt=0, le=1)
     score: float = setting(0.55, "mean agreement below which a fit is refused", gt=0, le=1)
@@ -136,6 +141,45 @@ class LoopClosingConfig(Section):
     gain: float = setting(5.0, "matches by which the graph must agree better with a loop closed", ge=0)
 
 
+class DriftConfig(Section):
+    """How far key scans may have drifted apart: where loops are looked for."""
+
+    links: int = setting(100, "matched visits and closed loops that are tried as short cuts, at most", ge=1)
+    triangles: int = setting(
+        30, "matches over two hops and over each that tell how precise matches are, at least", ge=1
+    )
+    caution: float = setting(
+        2.0, "how much worse matches may be than they disagree: errors that are alike do not show", gt=0
+    )
+    least_distance: float = setting(0.003, "standard deviation of a match at least", "m", gt=0)
+    least_angle: float = setting(0.001, "standard deviation of a match at least", "rad", gt=0)
+    usual_distance: float = setting(0.01, "standard deviation of a match where too few tell it", "m", gt=0)
+    usual_angle: float = setting(0.005, "standard deviation of a match where too few tell it", "rad", gt=0)
+
+
+class EvidenceConfig(Section):
+    """Which of two trajectories the scans speak for, by pairs of scans that were not matched with each other."""
+
+    hops: tuple[Hop, ...] = setting((3, 6, 12, 24), "key scans ahead that every key scan is laid over", min_length=1)
+    radius: float = setting(3.0, "key scans of earlier visits this near are laid over each other", "m", gt=0)
+    apart: int = setting(30, "key scans between two visits, at least", ge=1)
+    visits: int = setting(4, "earlier visits that a key scan is laid over, at most", ge=0)
+    aside: int = setting(1, "key scans beside the nearest one of a visit, which was matched", ge=0)
+    turn_length: float = setting(0.7, "what a rad of heading counts as when the nearest visit is looked for", "m", ge=0)
+    beams: int = setting(90, "end points of a scan that are looked at, about", ge=10)
+    fewest_points: int = setting(5, "scans with fewer end points say nothing", ge=3)
+    gap: float = setting(3.0, "beams apart by so many times the mean have something in between", gt=0)
+    sigma: float = setting(0.05, "spread of end points about a wall", "m", gt=0)
+    wall_sigmas: float = setting(4.0, "standard deviations from a wall within which an end point may be on it", gt=0)
+    wall_reach: float = setting(0.5, "a wall goes on for so far from its end point", "m", gt=0)
+    margin: float = setting(0.25, "before the end of a beam, from which it has crossed a point ...", "m", ge=0)
+    margin_share: float = setting(0.03, "... and so much more per m of range", ge=0)
+    crossed: float = setting(1.0, "what an end point in the open speaks against, one on a wall for with 1", ge=0)
+    least_told: float = setting(0.1, "share of end points with something to say from which a pair counts", ge=0, le=1)
+    block: int = setting(20, "successive key scans, whose evidence is not independent", ge=1)
+    sure: float = setting(1.0, "standard errors from which a trajectory is preferred to another", ge=0)
+
+
 class GraphConfig(Config):
     """What the pose graph of a back end reads: mix it into the back end's settings."""
 
@@ -143,4 +187,6 @@ class GraphConfig(Config):
     odometry: OdometryConfig = OdometryConfig()
     filter_constraints: FilterConstraintsConfig = FilterConstraintsConfig()
     smoothing: SmoothingConfig = SmoothingConfig()
+    drift: DriftConfig = DriftConfig()
     loop_closing: LoopClosingConfig = LoopClosingConfig()
+    evidence: EvidenceConfig = EvidenceConfig()

@@ -3,16 +3,18 @@
 Graph-based SLAM as in Lu & Milios (1997) and Konolige et al. (2010), started from the particle filter's trajectory.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
+from pfslam_viz.slam.graph.drift import Drift, joint_deviations, spanned
+from pfslam_viz.slam.graph.evidence import compare
 from pfslam_viz.slam.graph.filter_constraints import filter_constraints
 from pfslam_viz.slam.graph.loop_closing import find_loops
 from pfslam_viz.slam.graph.odometry_errors import OdometryErrors
-from pfslam_viz.slam.graph.pose_graph import Constraints, optimize, turned, weights
+from pfslam_viz.slam.graph.pose_graph import Constraints, optimize, residuals, turned, weights
 from pfslam_viz.slam.graph.scan_store import ScanStore, trusted
 from pfslam_viz.slam.graph.settings import GraphConfig, SmoothingConfig
 from pfslam_viz.slam.graph.visits import earlier_visits
@@ -41,14 +43,14 @@ class Smoother:
         self._settings = config
         self._odometry = odometry
         self._unknown = np.zeros_like(odometry) if unknown is None else unknown
-        self._motion = odometry_constraints(odometry, self.config, self._unknown)
+        self._errors = OdometryErrors(config.odometry)
         self._filter: Constraints | None = None
 
     def smooth(self, poses: Array) -> Smoothed:
         """The key poses that agree best with all matches between neighbouring key scans and with the odometry.
 
         The first pose stays. Loops that the particles missed are closed, all of them or else one after the other, if
-        the graph as a whole finds more support with them closed than without.
+        the graph as a whole finds more support with them closed than without, or scans that it did not match do.
         """
         closed = np.zeros((0, 2), np.int64)
         if len(poses) < 3:
@@ -56,15 +58,14 @@ class Smoother:
         gates = np.array(self.config.gates)
         self._filter = filter_constraints(self.scans, poses, self._settings.filter_constraints)
         poses, _ = self.relax(poses, np.array(self.config.first_gates))
-        scale = self.odometry_errors(poses).scale
-        self._motion = odometry_constraints(self._odometry * [scale, scale, 1.0], self.config, self._unknown)
+        self._errors = self.odometry_errors(poses)
         poses, support = self.relax(poses, gates)
         if self.loops.enabled:
             for _ in range(self.loops.searches):
-                loops = find_loops(self.scans, poses, self.loops)
+                loops = find_loops(self.scans, poses, self.drift(poses, closed), self.loops)
                 for loop in ([Constraints.join(loops)] if len(loops) > 1 else []) + loops:
                     trial, trial_support = self.close(poses, loop)
-                    if trial_support > support + self.loops.gain:
+                    if self.is_better(trial, poses, trial_support - support):
                         poses, support = trial, trial_support
                         closed = np.concatenate([closed, np.stack([loop.start, loop.end], axis=-1)])
                         break
@@ -77,13 +78,16 @@ class Smoother:
     def relax(self, poses: Array, gates: Array) -> tuple[Array, float]:
         """Match all neighbours and relax the graph once: poses (k, 3), and the sum of all constraints' weights."""
         matched = match(self.scans, poses, neighbouring(poses, self.config), gates, self.config)
-        constraints = Constraints.join([*self._driven(), matched])
+        constraints = Constraints.join([*self._driven(poses, matched), matched])
         poses = self._optimize(poses, constraints, self.config.iterations)
         return poses, float(weights(poses, constraints, self.config.scale).sum())
 
-    def _driven(self) -> list[Constraints]:
-        """What is known of the motion from key scan to key scan without matching scans with each other."""
-        return [self._motion] if self._filter is None else [self._motion, self._filter]
+    def _driven(self, poses: Array, matched: Constraints) -> list[Constraints]:
+        """What is known of the motion from key scan to key scan besides the ``matched`` scans."""
+        bridged = spanned(matched, len(poses), max(self.config.hops))
+        motion = odometry_constraints(self._odometry, self.config, self._errors, bridged, self._unknown)
+        motion = hold_together(poses, motion, self.config.scale)
+        return [motion] if self._filter is None else [motion, self._filter]
 
     def odometry_errors(self, poses: Array) -> OdometryErrors:
         """The wheels' scale and the odometry's noise, from all successive key scans that can tell.
@@ -98,6 +102,27 @@ class Smoother:
         config = self._settings.odometry
         return OdometryErrors.of(config, self._odometry[found.end], found.measured, found.information, deviation)
 
+    def is_better(self, trial: Array, poses: Array, gain: float) -> bool:
+        """Whether a loop is to be closed: ``trial`` (k, 3) with it closed, ``poses`` (k, 3) without.
+
+        ``gain`` is by how many more matches the graph agrees. Either that speaks for it clearly, or scans that the
+        graph did not match do; the other must not speak against it.
+        """
+        verdict = compare(self.scans, trial, poses, self._settings.evidence)
+        if gain > self.loops.gain:
+            return verdict.sigmas > 0.0
+        return gain > -self.loops.gain and verdict.sigmas > self._settings.evidence.sure
+
+    def drift(self, poses: Array, closed: Indices) -> Drift:
+        """How far key scans may have drifted apart, though visits are matched and the loops (p, 2) are closed."""
+        c, config = self.config, self._settings.drift
+        matched = match(self.scans, poses, neighbouring(poses, c), np.array(c.gates), c)
+        matched = matched.pick(np.flatnonzero(weights(poses, matched, c.scale) > self.loops.sound))
+        visits = matched.end - matched.start > max(c.hops)
+        links = np.concatenate([closed, np.stack([matched.start[visits], matched.end[visits]], axis=-1)])
+        joints = joint_deviations(matched, self._driven(poses, matched)[0], len(poses), c.hops, config)
+        return Drift(poses, joints, links, config.links)
+
     def close(self, poses: Array, loop: Constraints) -> tuple[Array, float]:
         """Pull the graph together at ``loop``, then let it relax without: as :meth:`relax`."""
         c = self.config
@@ -107,7 +132,7 @@ class Smoother:
         chain = matched.end - matched.start <= max(c.hops)
         firm = matched.pick(np.flatnonzero(chain & sound)).firm()  # what joins successive scans bends, it does not snap
         visits = matched.pick(np.flatnonzero(~chain))
-        pulled = Constraints.join([*self._driven(), firm, visits, loop])
+        pulled = Constraints.join([*self._driven(poses, matched), firm, visits, loop])
         poses = self._optimize(poses, pulled, 2 * c.iterations)  # a pull from far takes longer
         poses, _ = self.relax(poses, first_gates)
         return self.relax(poses, gates)
@@ -153,16 +178,39 @@ def odometry_deviation(steps: Array, config: SmoothingConfig) -> Array:
     return deviation
 
 
-def odometry_constraints(odometry: Array, config: SmoothingConfig, unknown: Array | None = None) -> Constraints:
+def odometry_constraints(
+    odometry: Array,
+    config: SmoothingConfig,
+    errors: OdometryErrors,
+    bridged: NDArray[np.bool_],
+    unknown: Array | None = None,
+) -> Constraints:
     """The odometry (k, 3) from every key scan to the next: what holds where the scans leave a direction open.
 
-    ``unknown`` (k, 3) m, m, rad is added to its noise.
+    Where no match bridges a joint (k - 1,), the odometry is as firm as it has proven to be, and not robust. Elsewhere
+    it is as loose as the settings say: its errors are alike over many steps (a gyro's bias), and must not bend what
+    the scans know. ``unknown`` (k, 3) m, m, rad is added to its noise; where there is any, it has not proven anything.
     """
-    steps = odometry[1:]
-    deviation = odometry_deviation(steps, config)
-    if unknown is not None:
-        deviation += unknown[1:]
+    deviation = odometry_deviation(odometry[1:], config)
+    added = np.zeros_like(deviation) if unknown is None else unknown[1:]
+    guessed = added.max(axis=1, initial=0.0) > 0.0
+    loose = bridged | guessed
+    deviation *= np.where(loose[:, None], 1.0, [errors.distance, errors.distance, errors.angle])
+    deviation += added
+    steps = odometry[1:] * np.where(guessed[:, None], 1.0, [errors.scale, errors.scale, 1.0])
     information = np.zeros((len(steps), 3, 3))
     information[:, [0, 1, 2], [0, 1, 2]] = deviation**-2
     at = np.arange(len(steps))
-    return Constraints(at, at + 1, steps, information, np.ones(len(steps), np.bool_))
+    return Constraints(at, at + 1, steps, information, loose)
+
+
+def hold_together(poses: Array, motion: Constraints, scale: float) -> Constraints:
+    """The same, but those that are not robust with Huber's weights at ``poses`` (k, 3).
+
+    They pull the less the further off they are, but never let go, as a robust constraint would: where nothing else
+    holds, letting go costs next to nothing, and the trajectory tears.
+    """
+    e = residuals(poses, motion)
+    away = np.sqrt(np.einsum("ki,kij,kj->k", e, motion.information, e))
+    pull = np.where(motion.robust, 1.0, np.minimum(1.0, scale / np.maximum(away, 1e-9)))
+    return replace(motion, information=motion.information * pull[:, None, None])

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pfslam_viz import geometry
 from pfslam_viz.slam import kernels, resampling
 from pfslam_viz.slam.belief import Belief
+from pfslam_viz.slam.graph.evidence import Verdict, compare
 from pfslam_viz.slam.graph.odometry_errors import OdometryErrors
 from pfslam_viz.slam.graph.pose_graph import turned
 from pfslam_viz.slam.graph.scan_matching import open_direction
@@ -16,7 +17,7 @@ from pfslam_viz.slam.graph.scan_store import Matches, ScanStore
 from pfslam_viz.slam.graph.smoothing import Smoother
 from pfslam_viz.slam.graph.walls import within
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
-from pfslam_viz.slam.protocol import LoopClosure, Match, Scan
+from pfslam_viz.slam.protocol import Kept, LoopClosure, Match, Scan
 from pfslam_viz.slam.rbpf.best_map import BestMap
 from pfslam_viz.slam.rbpf.history import History
 from pfslam_viz.slam.rbpf.proposal import propose, spread_points
@@ -63,6 +64,7 @@ class RaoBlackwellizedFilter(Belief):
         self._scans = ScanStore(np.zeros(2), config.scan_matching, self._worker)
         self._key_particles = self._particles
         self._smoothed: Array | None = None
+        self._verdict: Verdict | None = None
         self._closures: tuple[LoopClosure, ...] = ()
         self._odometry = np.zeros(3)  # since the last key scan
         self._moved = np.zeros(3)  # the same, corrected by matching the scans
@@ -144,9 +146,9 @@ class RaoBlackwellizedFilter(Belief):
         self._scans.add(within(scan.points, scan.lidar_position, self._settings.max_range))
 
     def _unseen_by_wheels(self, motion: Motion) -> bool:
-        """Whether the scans have moved on by as much as makes a key scan though the odometry says less."""
+        """Whether the scans have moved on by more than makes a key scan though the odometry says less."""
         s, (x, y, turn) = self._settings, motion.increment
-        far = math.hypot(x, y) >= s.update_distance or abs(turn) >= s.update_angle
+        far = math.hypot(x, y) >= s.scan_unseen * s.update_distance or abs(turn) >= s.scan_unseen * s.update_angle
         return far and motion.overlap > s.scan_good
 
     def _match_last(self) -> Motion:
@@ -283,19 +285,32 @@ class RaoBlackwellizedFilter(Belief):
         return self._history.trajectory(self._key_poses())
 
     def finish(self) -> None:
-        """Settle the most likely particle's trajectory in hindsight, and write its map anew."""
+        """Settle the most likely particle's trajectory in hindsight, and write its map anew.
+
+        Unless the scans do not clearly prefer it to what the particle has: then that is kept.
+        """
         if not self.config.smoothing.enabled or len(self._scans) == 0:
             return
         s = self._settings
         unknown = self._history.unknown() * [s.unknown_speed, s.unknown_speed, s.unknown_turn]
         smoother = Smoother(self._scans, self._history.odometry(), self.config, unknown)
         smoothed = smoother.smooth(self._key_poses())
+        self._verdict = compare(self._scans, smoothed.poses, self._key_poses(), self.config.evidence)
+        if self._verdict.sigmas < self.config.evidence.sure:
+            return
         self._smoothed = smoothed.poses
         self._closures = tuple(self._closure(int(earlier), int(later)) for earlier, later in smoothed.closed)
         maps = TileMaps(1, self._maps.settings)
         for k, pose in enumerate(self._smoothed):
             maps.write(pose[None], self._scans.points_of(k), self._scans.lidar_position)
         self._grid.show(maps, 0)
+
+    @property
+    def kept(self) -> Kept | None:
+        """Which trajectory is left now that all scans are in, and why; None before, or if nothing was settled."""
+        if self._verdict is None:
+            return None
+        return Kept("online" if self._smoothed is None else "settled", self._verdict.gain, self._verdict.sigmas)
 
     @property
     def settles(self) -> bool:

@@ -35,6 +35,9 @@ class RaoBlackwellizedConfig(Section):
     scan_good: float = setting(
         0.5, "share of matched end points from which such a match is good, and tells the odometry's errors", ge=0, le=1
     )
+    scan_unseen: float = setting(
+        1.3, "times the motion between key scans, from which such a match alone makes one", ge=1
+    )
     scan_loosest: float = setting(0.1, "such a match is held to the odometry at least so firmly", "m and rad", gt=0)
     scan_turns: tuple[float, ...] = setting(
         (-0.45, -0.3, -0.15, 0.15, 0.3, 0.45), "turned by this, a match that found little starts again", "rad"

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.simulation.sensors import true_ranges
+from pfslam_viz.slam.graph.drift import Drift
 from pfslam_viz.slam.graph.loop_closing import blurred, find_candidates, find_loops, overlay
 from pfslam_viz.slam.graph.scan_store import ScanStore
 from pfslam_viz.slam.graph.settings import LoopClosingConfig, ScanMatchingConfig
@@ -14,6 +15,7 @@ Array = NDArray[np.float64]
 
 ANGLES = np.linspace(-0.75 * np.pi, 0.75 * np.pi, 181)
 CONFIG = LoopClosingConfig()
+NO_LINKS = np.zeros((0, 2), np.int64)
 
 
 def plain_overlay(field: NDArray[np.float32], centre: Array, points: Array, turns: Array, steps: int) -> Array:
@@ -53,21 +55,23 @@ def test_overlay_finds_the_shift_and_the_turn() -> None:
 
 
 def test_candidates_are_far_back_on_the_path_and_near_in_space() -> None:
-    """Out 20 m and back along a line 1.5 m beside it, a key scan every 0.5 m."""
+    """Out 20 m and back along a line 1.5 m beside it, a key scan every 0.5 m, each joint good to 0.1 m."""
     out = np.stack([np.arange(0, 20, 0.5), np.zeros(40), np.zeros(40)], axis=-1)
     back = np.stack([np.arange(19.5, -0.5, -0.5), np.full(40, 1.5), np.full(40, np.pi)], axis=-1)
     poses = np.concatenate([out, back])
-    config = CONFIG.model_copy(update={"least_loop": 10.0, "least_reach": 1.0, "drift": 0.05, "most_reach": 5.0})
-    found = find_candidates(poses, config)
+    config = CONFIG.model_copy(update={"least_loop": 10.0, "least_reach": 1.0, "most_reach": 2.0, "least_turn": 0.2})
+    drift = Drift(poses, np.tile([0.1, 0.0], (79, 1)), NO_LINKS, 100)
+    found = find_candidates(poses, drift, config)
     assert len(found.later) > 0 and (found.later % CONFIG.every == 0).all()
     assert (found.later >= 40).all()
-    np.testing.assert_allclose(poses[found.earlier, 0], poses[found.later, 0], atol=1e-9)  # straight across
+    nearest = np.unique(found.later, return_index=True)[1]
+    np.testing.assert_allclose(poses[found.earlier, 0][nearest], poses[found.later, 0][nearest], atol=1e-9)  # across
     path = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
-    driven = path[found.later] - path[found.earlier]
-    np.testing.assert_allclose(found.reach, np.minimum(1.0 + 0.05 * driven, 5.0))
-    assert driven.min() >= 10.0
-    near = find_candidates(poses, config.model_copy(update={"drift": 0.0}))  # 1 m of reach does not bridge 1.5 m
-    assert len(near.later) == 0
+    assert (path[found.later] - path[found.earlier]).min() >= 10.0
+    np.testing.assert_allclose(found.reach, np.clip(0.3 * np.sqrt(found.later - found.earlier), 1.0, 2.0))
+    np.testing.assert_allclose(found.turn, 0.2)
+    sure = Drift(poses, np.tile([0.01, 0.0], (79, 1)), NO_LINKS, 100)
+    assert len(find_candidates(poses, sure, config).later) == 0  # 1 m of reach does not bridge 1.5 m
 
 
 def room_walls(features: bool) -> Array:
@@ -110,7 +114,8 @@ def test_a_loop_is_found_where_the_walls_tell_and_not_in_a_bare_hall(features: b
     poses = believed(truth)
     scans = store(room_walls(features), truth)
     config = CONFIG.model_copy(update={"least_loop": 5.0, "least_reach": 2.0})
-    loops = find_loops(scans, poses, config)
+    drift = Drift(poses, np.full((len(poses) - 1, 2), 0.001), NO_LINKS, 100)
+    loops = find_loops(scans, poses, drift, config)
     if not features:
         assert loops == []
         return

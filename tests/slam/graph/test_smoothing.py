@@ -8,15 +8,18 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.simulation.sensors import true_ranges
+from pfslam_viz.slam.graph.odometry_errors import OdometryErrors
+from pfslam_viz.slam.graph.pose_graph import Constraints
 from pfslam_viz.slam.graph.scan_store import ScanStore
 from pfslam_viz.slam.graph.settings import (
     FilterConstraintsConfig,
     GraphConfig,
     LoopClosingConfig,
+    OdometryConfig,
     ScanMatchingConfig,
     SmoothingConfig,
 )
-from pfslam_viz.slam.graph.smoothing import Smoother, match, neighbouring, odometry_constraints
+from pfslam_viz.slam.graph.smoothing import Smoother, hold_together, match, neighbouring, odometry_constraints
 
 Array = NDArray[np.float64]
 
@@ -207,12 +210,36 @@ def test_the_odometry_is_as_good_as_configured() -> None:
     """0.5 m and 0.2 rad: 1 cm + 0.1 · 0.5 m, and 0.01 + 0.2 · 0.2 + 0.05 · 0.5 rad."""
     config = SmoothingConfig(least=0.01, noise_distance=0.1, noise_angle=0.2, noise_drift=0.05)
     odometry = np.array([[9.0, 9.0, 9.0], [0.3, 0.4, -0.2], [0.0, 0.0, 0.0]])
-    c = odometry_constraints(odometry, config)
+    c = odometry_constraints(odometry, config, OdometryErrors(OdometryConfig()), np.ones(2, np.bool_))
     assert (c.start.tolist(), c.end.tolist()) == ([0, 1], [1, 2])
     np.testing.assert_array_equal(c.measured, odometry[1:])
     np.testing.assert_allclose(c.information[0], np.diag([0.06**-2, 0.06**-2, 0.075**-2]))
     np.testing.assert_allclose(c.information[1], np.diag([1e4, 1e4, 1e4]))
     assert c.robust.all()
+
+
+def test_where_no_match_bridges_them_odometry_is_as_good_as_it_has_proven() -> None:
+    """Twice as good in position, four times in heading, and 2 % short; the second step is bridged by a match."""
+    config = SmoothingConfig(least=0.01, noise_distance=0.1, noise_angle=0.2, noise_drift=0.05)
+    errors = OdometryErrors(OdometryConfig())
+    errors.scale, errors.distance, errors.angle = 1.02, 0.5, 0.25
+    odometry = np.array([[0.0, 0.0, 0.0], [0.3, 0.4, -0.2], [0.3, 0.4, -0.2]])
+    c = odometry_constraints(odometry, config, errors, np.array([False, True]))
+    np.testing.assert_allclose(c.measured, [[0.306, 0.408, -0.2]] * 2)
+    np.testing.assert_allclose(c.information[0], np.diag([0.03**-2, 0.03**-2, 0.01875**-2]))
+    np.testing.assert_allclose(c.information[1], np.diag([0.06**-2, 0.06**-2, 0.075**-2]))
+    assert c.robust.tolist() == [False, True]
+
+
+def test_a_firm_step_pulls_less_as_it_is_missed_by_more_but_never_lets_go() -> None:
+    """10 sigmas off: with Huber's weights 5 sigmas wide it counts half; a robust one and one that fits, wholly."""
+    one = np.eye(3)[None] * 100.0
+    poses = np.array([[0.0, 0, 0], [2.0, 0, 0], [3.0, 0, 0], [5.0, 0, 0]])
+    motion = Constraints(
+        np.arange(3), np.arange(1, 4), np.tile([1.0, 0, 0], (3, 1)), np.repeat(one, 3, axis=0), np.array([0, 0, 1]) > 0
+    )
+    held = hold_together(poses, motion, 5.0)
+    np.testing.assert_allclose(held.information, one * np.array([0.5, 1.0, 1.0])[:, None, None])
 
 
 @pytest.mark.parametrize("scale", [1.03, 0.97, 1.0])
@@ -255,9 +282,15 @@ def test_unknown_odometry_is_less_firm_by_what_may_have_happened() -> None:
     config = SmoothingConfig(least=0.01, noise_distance=0.1, noise_angle=0.2, noise_drift=0.05)
     odometry = np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0], [0.4, 0.0, 0.35]])
     unknown = np.array([[9.0, 9.0, 9.0], [0.0, 0.0, 0.0], [0.5, 0.5, 1.5]])
-    c = odometry_constraints(odometry, config, unknown)
-    np.testing.assert_allclose(c.information[0], np.diag([0.05**-2, 0.05**-2, 0.03**-2]))
-    np.testing.assert_allclose(c.information[1], np.diag([0.55**-2, 0.55**-2, 1.6**-2]))
+    errors = OdometryErrors(OdometryConfig())
+    errors.distance = errors.angle = 0.5  # what the steps that are known have proven says nothing of this one
+    errors.scale = 1.1
+    for bridged in (True, False):
+        c = odometry_constraints(odometry, config, errors, np.array([True, bridged]), unknown)
+        np.testing.assert_allclose(c.measured[1], odometry[2])
+        np.testing.assert_allclose(c.information[0], np.diag([0.05**-2, 0.05**-2, 0.03**-2]))
+        np.testing.assert_allclose(c.information[1], np.diag([0.55**-2, 0.55**-2, 1.6**-2]))
+        assert c.robust.all()
 
 
 @pytest.mark.parametrize("told", [True, False])

@@ -1,0 +1,114 @@
+"""How far two key scans may have drifted apart: where a loop has to be looked for.
+
+Errors of joints between successive key scans add up along the way, and an error of heading is a lever for everything
+that comes after it. To first order, with independent joints of position variance p and heading variance q, the later
+pose L as seen from the earlier one E varies by
+
+    sum p_j + sum q_j |x_j - x_L|²  in position,  sum q_j  in heading,
+
+over the joints j on the way. Links (matched visits, closed loops) are short cuts: the way with least variance counts,
+as in Olson's search windows from Dijkstra projections (Olson 2009, "Recognizing places using spectrally clustered local
+matches").
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pfslam_viz import geometry
+from pfslam_viz.slam.graph.pose_graph import Constraints
+from pfslam_viz.slam.graph.settings import DriftConfig
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+NORMAL = 1.4826  # standard deviation of a normal distribution per median absolute deviation
+
+
+class Drift:
+    """The variances along one trajectory of key ``poses`` (k, 3).
+
+    ``joints`` (k - 1, 2) are the deviations m, rad from each key pose to the next, ``links`` (c, 2) pairs of key scans
+    that are held together.
+    """
+
+    def __init__(self, poses: Array, joints: Array, links: Indices, most_links: int) -> None:
+        """No more than ``most_links`` of the links are tried, evenly taken."""
+        self._poses = poses
+        self._links = links[:: 1 + (len(links) - 1) // most_links] if len(links) else links
+        p, q = joints[:, 0] ** 2, joints[:, 1] ** 2
+        middle = 0.5 * (poses[:-1, :2] + poses[1:, :2])
+        terms = np.column_stack([p + q * (middle**2).sum(axis=1), q * middle[:, 0], q * middle[:, 1], q])
+        self._sums = np.concatenate([np.zeros((1, 4)), np.cumsum(terms, axis=0)])
+
+    def before(self, later: int) -> tuple[Array, Array]:
+        """Deviations of position (later,) m and heading (later,) rad of key pose ``later`` seen from all before it."""
+        x, y = self._poses[later, :2]
+        earlier = np.arange(later)
+        best_position, best_heading = self._along(earlier, np.full(later, later), x, y)
+        for start, end in self._links[(self._links < later).all(axis=1)]:
+            to = self._along(earlier, np.full(later, start), x, y)
+            on = self._along(np.array([end]), np.array([later]), x, y)
+            position, heading = to[0] + on[0], to[1] + on[1]
+            nearer = position < best_position
+            best_position = np.where(nearer, position, best_position)
+            best_heading = np.where(nearer, heading, best_heading)
+        return np.sqrt(best_position), np.sqrt(best_heading)
+
+    def _along(self, start: Indices, end: Indices, x: float, y: float) -> tuple[Array, Array]:
+        """Variances of (x, y) and of heading over the joints between key scans, whichever comes first."""
+        a, b, c, q = self._between(start, end)
+        return np.maximum(a - 2.0 * (x * b + y * c) + q * (x * x + y * y), 0.0), q
+
+    def _between(self, start: Indices, end: Indices) -> Array:
+        sums: Array = (self._sums[np.maximum(start, end)] - self._sums[np.minimum(start, end)]).T
+        return sums
+
+
+def joint_deviations(
+    matched: Constraints, motion: Constraints, count: int, hops: tuple[int, ...], config: DriftConfig
+) -> Array:
+    """Deviations (count - 1, 2) m, rad from each of ``count`` key scans to the next.
+
+    ``hops`` are those between key scans that were ``matched``. How precise matches are follows from the triangles that
+    they form: a match over two hops against the two matches in between, by the median absolute deviation. Joints that
+    no match spans are as precise as the ``motion`` constraints (odometry) of the graph.
+    """
+    deviation = config.caution * match_deviation(matched, hops, config)
+    joined = spanned(matched, count, max(hops))
+    odometry = np.zeros((count - 1, 2))
+    odometry[motion.start, 0] = motion.information[:, 0, 0] ** -0.5
+    odometry[motion.start, 1] = motion.information[:, 2, 2] ** -0.5
+    return np.where(joined[:, None], deviation, np.maximum(odometry, deviation))
+
+
+def spanned(matched: Constraints, count: int, longest_hop: int) -> NDArray[np.bool_]:
+    """Which joints (count - 1,) from one of ``count`` key scans to the next a match of near key scans reaches over.
+
+    Key scans no more than the ``longest_hop`` apart are near; others are of two visits.
+    """
+    near = matched.end - matched.start <= longest_hop
+    change = np.zeros(count, np.int64)
+    np.add.at(change, matched.start[near], 1)
+    np.add.at(change, matched.end[near], -1)
+    covered: NDArray[np.bool_] = np.cumsum(change)[:-1] > 0
+    return covered
+
+
+def match_deviation(matched: Constraints, hops: tuple[int, ...], config: DriftConfig) -> Array:
+    """Deviation (2,) m, rad of a match between successive key scans, from the triangles that matches over hops form."""
+    at = {(int(a), int(b)): k for k, (a, b) in enumerate(zip(matched.start, matched.end, strict=True))}
+    for hop in sorted(hops, reverse=True):
+        triangles = [
+            (k, at[a, a + hop], at[a + hop, b])
+            for (a, b), k in at.items()
+            if b - a == 2 * hop and (a, a + hop) in at and (a + hop, b) in at
+        ]
+        if len(triangles) < config.triangles:
+            continue
+        whole, first, second = np.array(triangles).T
+        m = matched.measured
+        missed = geometry.between(m[whole], geometry.compose(m[first], m[second]))
+        spread = np.array([np.median(np.abs(missed[:, :2])), np.median(np.abs(missed[:, 2]))])
+        told: Array = np.maximum(NORMAL * spread / np.sqrt(3.0 * hop), [config.least_distance, config.least_angle])
+        return told
+    return np.array([config.usual_distance, config.usual_angle])

@@ -1,0 +1,153 @@
+"""Which of two trajectories do the scans speak for? Judged by what no fit has used.
+
+Fits pull end points onto walls. They do not look at the space that a beam crossed on its way, and they match each scan
+with a few others only. Here every key scan is laid over scans that it was not matched with: an end point that falls on
+a wall seen by the other scan speaks for the two poses, one that lies in the open where the other scan's beam passed
+speaks against them (as the beam model of Thrun, Burgard & Fox 2005, section 6.3, and the "negative information" of
+free space). Two poses that see nothing in common say nothing.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pfslam_viz import geometry
+from pfslam_viz.slam.graph.scan_store import ScanStore
+from pfslam_viz.slam.graph.settings import EvidenceConfig
+from pfslam_viz.slam.graph.visits import earlier_visits
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Singles = NDArray[np.float32]
+
+
+class EvidenceRules(NamedTuple):
+    """What the kernel takes of :class:`EvidenceConfig`, in the same units."""
+
+    beams: int
+    fewest_points: int
+    gap: float
+    sigma: float
+    wall_sigmas: float
+    wall_reach: float
+    margin: float
+    margin_share: float
+    crossed: float
+
+    @classmethod
+    def of(cls, config: EvidenceConfig) -> "EvidenceRules":
+        """Those of a configuration."""
+        return cls(**{name: getattr(config, name) for name in cls._fields})
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What the scans say of one trajectory against another.
+
+    ``gain`` is the mean over all pairs of scans by how much more end points agree, in shares of a scan; ``sigmas`` that
+    over its standard error; ``pairs`` how many pairs had something to say.
+    """
+
+    gain: float
+    sigmas: float
+    pairs: int
+
+
+def compare(scans: ScanStore, poses: Array, others: Array, config: EvidenceConfig) -> Verdict:
+    """How much better the key ``poses`` (k, 3) explain the scans than the ``others`` (k, 3) do."""
+    pairs = witnesses(poses, others, config)
+    mine, theirs = agreement(scans, poses, pairs, config), agreement(scans, others, pairs, config)
+    told = (mine != 0.0) | (theirs != 0.0)
+    difference, block = (mine - theirs)[told], pairs[told, 1] // config.block
+    if len(difference) == 0:
+        return Verdict(0.0, 0.0, 0)
+    sums = np.bincount(block, difference)
+    counts = np.bincount(block)
+    gain = float(difference.mean())
+    spread = math.sqrt(float(((sums - gain * counts) ** 2).sum())) / len(difference)
+    return Verdict(gain, gain / max(spread, 1e-9), len(difference))
+
+
+def witnesses(poses: Array, others: Array, config: EvidenceConfig) -> Indices:
+    """Pairs (p, 2) of key scans that either trajectory puts near each other, the earlier one first, each once."""
+    n = len(poses)
+    pairs = [np.stack([np.arange(n - hop), np.arange(hop, n)], axis=-1) for hop in config.hops if hop < n]
+    for trajectory in (poses, others):
+        visits = earlier_visits(trajectory, config.radius, config.apart, config.visits, config.turn_length)
+        visits[:, 0] = np.minimum(visits[:, 0] + config.aside, visits[:, 1] - 1)
+        pairs.append(visits)
+    return np.unique(np.concatenate(pairs), axis=0) if pairs else np.zeros((0, 2), np.int64)
+
+
+def agreement(scans: ScanStore, poses: Array, pairs: Indices, config: EvidenceConfig) -> Array:
+    """(p,): the share of end points on each other's walls, less ``crossed`` times that in each other's open space."""
+    increments = geometry.between(poses[pairs[:, 0]], poses[pairs[:, 1]])
+    back = geometry.between(poses[pairs[:, 1]], poses[pairs[:, 0]])
+    store = (scans.points, scans.normals, scans.bearings, scans.first, scans.lidar_position)
+    rules = EvidenceRules.of(config)
+    there = _agreement(*store, pairs[:, 0], pairs[:, 1], increments, rules)
+    here = _agreement(*store, pairs[:, 1], pairs[:, 0], back, rules)
+    told = (there[:, 1] >= config.least_told) & (here[:, 1] >= config.least_told)
+    return np.where(told, 0.5 * (there[:, 0] + here[:, 0]), 0.0)
+
+
+@njit(cache=True, nogil=True)
+def _agreement(
+    points: Singles,
+    normals: Singles,
+    bearings: Singles,
+    first: Indices,
+    lidar_position: Array,
+    references: Indices,
+    others: Indices,
+    increments: Array,
+    rules: EvidenceRules,
+) -> Array:
+    """(p, 2): what the end points of scans ``others`` say of ``increments`` (p, 3), and the share that says anything.
+
+    An increment is the other scan's pose in the frame of its reference.
+    """
+    out = np.zeros((len(references), 2))
+    for k in range(len(references)):
+        r0, r1 = first[references[k]], first[references[k] + 1]
+        q0, q1 = first[others[k]], first[others[k] + 1]
+        if r1 - r0 < rules.fewest_points or q1 - q0 < rules.fewest_points:
+            continue
+        gap = rules.gap * (bearings[r1 - 1] - bearings[r0]) / (r1 - r0)  # rad between beams with something in between
+        ahead = 0.5 * (bearings[r0] + bearings[r1 - 1])
+        x, y = increments[k, 0], increments[k, 1]
+        c, s = math.cos(increments[k, 2]), math.sin(increments[k, 2])
+        total, told, looked = 0.0, 0, 0
+        for b in range(q0, q1, 1 + (q1 - q0) // rules.beams):
+            looked += 1
+            px, py = x + c * points[b, 0] - s * points[b, 1], y + s * points[b, 0] + c * points[b, 1]
+            lx, ly = px - lidar_position[0], py - lidar_position[1]
+            bearing = math.atan2(ly, lx)
+            bearing -= 2.0 * math.pi * math.floor((bearing - ahead) / (2.0 * math.pi) + 0.5)
+            i = r0 + np.searchsorted(bearings[r0:r1], np.float32(bearing))
+            if i in (r0, r1) or bearings[i] - bearings[i - 1] > gap:
+                continue
+            far = math.hypot(lx, ly)
+            nearest = 1e9
+            shortest, longest = 1e9, 0.0
+            for j in (i - 1, i):
+                dx, dy = px - points[j, 0], py - points[j, 1]
+                nx, ny = normals[j, 0], normals[j, 1]
+                away = math.hypot(dx, dy)
+                if (nx != 0.0 or ny != 0.0) and away < rules.wall_reach:
+                    away = abs(nx * dx + ny * dy)
+                nearest = min(nearest, away)
+                reach = math.hypot(points[j, 0] - lidar_position[0], points[j, 1] - lidar_position[1])
+                shortest, longest = min(shortest, reach), max(longest, reach)
+            if nearest < rules.wall_sigmas * rules.sigma:
+                total += math.exp(-0.5 * (nearest / rules.sigma) ** 2)
+                told += 1
+            elif far < shortest - rules.margin - rules.margin_share * far:
+                total -= rules.crossed
+                told += 1
+        out[k, 0], out[k, 1] = total / looked, told / looked
+    return out
