@@ -2,14 +2,13 @@
 
 from collections.abc import Sequence
 
-import numpy as np
 import rerun.blueprint as rrb
 from rerun import Points3D, Radius
 
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.viewer import entities
 from pfslam_viz.viewer.entities import ENTITIES, Kind, View
-from pfslam_viz.viewer.framing import Framing, overhead_size
+from pfslam_viz.viewer.framing import Framing, eye_on, overhead_size
 from pfslam_viz.viewer.style import CLOSE_UP, FOLLOW_HEIGHT, LOUPE
 
 LONGEST = 60.0  # s that a replay takes at most, however long the recording
@@ -105,7 +104,7 @@ def _plots(view: View, recording: Recording, runs: Sequence[str], several: bool)
                     contents=[f"+ /{path}" for path in paths],
                     name="N_eff as a share of the particles" if share else first.title,
                     axis_x=rrb.TimeAxis(link="Independent", view_range=whole),
-                    plot_legend=rrb.PlotLegend(corner="LeftTop", visible=len(paths) > 1),
+                    plot_legend=rrb.PlotLegend(visible=False),  # it would cover the curves, whose colours are the maps'
                 )
             )
     return plots
@@ -151,15 +150,7 @@ def _texture(run: str, several: bool, framing: Framing) -> rrb.Container:
 
 
 def _three_d(run: str, several: bool, framing: Framing) -> rrb.Spatial3DView:
-    x, y = framing.center
-    width, height = framing.content
-    tall = height > width  # then look from the side, so that the longer side lies across the window
-    reach = max(min(width, height), max(width, height) / 1.6)
-    back, aside = (
-        (np.array([1.0, 0.0]), np.array([0.0, 1.0])) if tall else (np.array([0.0, -1.0]), np.array([1.0, 0.0]))
-    )
-    eye = np.array([x, y]) + reach * (0.64 * back - 0.08 * aside)
-    target = np.array([x, y]) + 0.08 * reach * back
+    eye, target = eye_on(framing)
     return rrb.Spatial3DView(
         origin="/world",
         contents=contents(View.THREE_D, run, "{run}", "dead_reckoning", "truth"),
@@ -168,8 +159,8 @@ def _three_d(run: str, several: bool, framing: Framing) -> rrb.Spatial3DView:
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital,
-            position=[*eye, 0.56 * reach],
-            look_target=[*target, 0.0],
+            position=eye,
+            look_target=target,
             eye_up=[0.0, 0.0, 1.0],
         ),
     )

@@ -120,7 +120,7 @@ class Collector:
 
     @property
     def left_out(self) -> list[str]:
-        """What was not taken, or will not be drawn, a phrase each."""
+        """How much is drawn of what is not drawn whole, a phrase each."""
         out = []
         for what, most in (("particles", self._options.max_particles), ("beams", self._options.max_beams)):
             total = self._counts[what]
@@ -131,9 +131,11 @@ class Collector:
         if self._maps.logged < done:
             out.append(f"maps: {self._maps.logged:,} of {done:,} scans have one (--map-every)")
         if self._textures.skipped:
-            out.append(f"textures: {self._textures.logged:,} of {self._textures.logged + self._textures.skipped:,}")
+            out.append(
+                f"textures: {self._textures.logged:,} of {self._textures.logged + self._textures.skipped:,} drawn"
+            )
         if self._camera.logged < self._camera.available:
-            out.append(f"camera images: {self._camera.logged:,} of {self._camera.available:,} of a kind")
+            out.append(f"camera images: {self._camera.logged:,} of {self._camera.available:,} of each camera drawn")
         return out
 
     def _add(self, row: Entity, step: Step, content: Content) -> None:

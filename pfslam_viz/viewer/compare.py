@@ -81,7 +81,7 @@ def compare(
         stream.finish(result)
     if len(results[0].stamps):
         left_out = list(dict.fromkeys(phrase for stream in streams for phrase in stream.left_out))
-        send_scene(drawings, Framing.of_results(results, aspect_of(panels)), left_out)
+        send_scene(drawings, Framing.of_results(results, aspect_of(panels)), left_out, results)
     return results
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pfslam_viz import geometry
 from pfslam_viz.config import Config
 from pfslam_viz.recordings.recording import Recording
+from pfslam_viz.replay import Result
 from pfslam_viz.viewer import archetypes, entities, pages, style
 from pfslam_viz.viewer.blueprint import blueprint
 from pfslam_viz.viewer.contents import Cells, TimedContent
@@ -76,12 +77,12 @@ class Drawing:
             self._draw_contents(path, shown)
         self.sink.push()
 
-    def finish(self, framing: Framing | None, left_out: Sequence[str]) -> None:
+    def finish(self, framing: Framing | None, left_out: Sequence[str], result: Result) -> None:
         """Everything is drawn: settle the particles' own view; with ``framing``, the pages and the layout too."""
         if len(self._spreads):
             style.log_loupe(self.sink, self.run, float(np.percentile(self._spreads, 75)))
         if framing is not None:
-            send_scene([self], framing, left_out)
+            send_scene([self], framing, left_out, [result])
 
     # Batches of scans ------------------------------------------------------------------------------------------------
 
@@ -190,11 +191,17 @@ def _distance(some: Array, others: Array) -> Array:
     return np.hypot(apart[:, 0], apart[:, 1])
 
 
-def send_scene(drawings: Sequence[Drawing], framing: Framing, left_out: Sequence[str] | None = None) -> None:
+def send_scene(
+    drawings: Sequence[Drawing],
+    framing: Framing,
+    left_out: Sequence[str] | None = None,
+    results: Sequence[Result] = (),
+) -> None:
     """Send the framing, the pages and the layout for these runs over one recording, which share a sink.
 
-    Before the run (``left_out`` None) they say what can be there. The final ones say what is, and leave the layout of
-    viewers that watch alone: somebody may have moved a panel.
+    Before the run (``left_out`` None) they say what can be there. The final ones say what is and what came of it
+    (``results``, one for each of the drawings), and leave the layout of viewers that watch alone: somebody may have
+    moved a panel.
     """
     final = left_out is not None
     sink, recording = drawings[0].sink, drawings[0].recording
@@ -202,7 +209,8 @@ def send_scene(drawings: Sequence[Drawing], framing: Framing, left_out: Sequence
     names = [drawing.run for drawing in drawings]
     logged = {path for drawing in drawings for path in drawing.logged} if final else None
     style.log_page(sink, entities.HELP, pages.help_page(names, logged))
-    about = pages.about_page(recording, [drawing.config for drawing in drawings], left_out or ())
+    found = dict(zip(names, results, strict=False))
+    about = pages.about_page(recording, [drawing.config for drawing in drawings], left_out or (), found)
     style.log_page(sink, entities.ABOUT, about)
     layout = blueprint(recording, framing, names, live=sink.live and not final)
     sink.send_blueprint(layout, live=not final)

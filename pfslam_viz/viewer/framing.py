@@ -127,3 +127,36 @@ def overhead_camera(
             line_width=0.0,
         ),
     )
+
+
+VIEWING_ANGLE = np.radians(55.0)  # Rerun's own, from top to bottom of a 3-D view
+WINDOW = (1.55, 2.3)  # width by height of the 3-D view, in windows from 1280 x 800 to 1920 x 900 pixels
+PITCH = np.radians(48.0)  # how far the eye looks down
+FILL = 0.94  # share of the view that the building may fill
+ROOF = 0.6  # m
+
+
+def eye_on(framing: Framing) -> tuple[Array, Array]:
+    """Where an eye is, and what it looks at, (3,) m each, so that it sees all of the framing's content from above.
+
+    It looks across the longer side, so that this lies along the window, from as near as the narrowest window that
+    :data:`WINDOW` names allows, and puts the content in the middle of the view.
+    """
+    width, height = framing.content
+    back = np.array([1.0, 0.0]) if height > width else np.array([0.0, -1.0])  # from the content to the eye
+    toward = np.array([*(np.cos(PITCH) * back), np.sin(PITCH)])
+    right = np.array([-back[1], back[0], 0.0])
+    up = np.cross(toward, right)
+    sides = np.array([[x, y, z] for x in (-width, width) for y in (-height, height) for z in (0.0, 2 * ROOF)]) / 2
+    corners = sides + np.array([*framing.center, 0.0])
+    target = np.array([*framing.center, 0.0])
+    distance, most = 4.0 * max(width, height), FILL * np.tan(VIEWING_ANGLE / 2)
+    for _ in range(30):  # settles in a few
+        seen = corners - target
+        depth = distance - seen @ toward
+        across, along = seen @ right / depth, seen @ up / depth
+        middle = (along.min() + along.max()) / 2
+        target = target + 0.7 * middle * distance * np.array([*(-back / np.sin(PITCH)), 0.0])
+        reach = max(np.abs(across).max() / WINDOW[0], (along.max() - along.min()) / 2)
+        distance *= (reach / most) ** 0.7
+    return target + distance * toward, target

@@ -1,13 +1,15 @@
 """The two markdown pages of a recording: what each entity shows, and what was run with which settings."""
 
 import platform
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from pfslam_viz import __version__
 from pfslam_viz.config import Config
 from pfslam_viz.recordings.findings import Severity, of
 from pfslam_viz.recordings.recording import Recording
+from pfslam_viz.replay import Result
 from pfslam_viz.viewer.entities import COLOR_NAMES, ENTITIES, FILTER, RUNS, Color, Entity, Kind
+from pfslam_viz.viewer.outcome import outcome
 
 INTRODUCTION = (
     "Drag the timeline at the bottom, or press the space bar to play. `step` counts scans; `time` is seconds since the"
@@ -56,8 +58,13 @@ def _table(title: str, rows: list[tuple[str, str]], known: set[str] | None) -> l
     return [f"## {title}", "", "| entity | shows |", "| --- | --- |", *kept, ""] if kept else []
 
 
-def about_page(recording: Recording, configs: Sequence[Config], left_out: Sequence[str] = ()) -> str:
-    """The recording, the configurations, what was left out, and the versions."""
+def about_page(
+    recording: Recording,
+    configs: Sequence[Config],
+    left_out: Sequence[str] = (),
+    results: Mapping[str, Result] | None = None,
+) -> str:
+    """The recording, what came of the runs, the configurations, how much of it all is drawn, and the versions."""
     import numpy
     import rerun
 
@@ -76,6 +83,7 @@ def about_page(recording: Recording, configs: Sequence[Config], left_out: Sequen
         f"| truth | {'known' if recording.truth is not None else 'unknown'} |",
         "",
     ]
+    lines += outcome(results or {})
     for severity, title in SHOWN:
         if found := of(recording.findings, severity):
             lines += [f"## {title}", "", *(f"- {finding.line}" for finding in found), ""]
@@ -86,7 +94,7 @@ def about_page(recording: Recording, configs: Sequence[Config], left_out: Sequen
         lines += [f"## Configuration `{config.name}`", "", "| key | value |", "| --- | --- |"]
         lines += [*(f"| {key} | {value} |" for key, value in settings), ""]
     if left_out:
-        lines += ["## Left out of this recording", "", *(f"- {phrase}" for phrase in left_out), ""]
+        lines += ["## How much of it is drawn", "", *(f"- {phrase}" for phrase in left_out), ""]
     python = platform.python_version()
     lines += [
         "## Versions",

@@ -29,7 +29,7 @@ class ReplayStream:
 
     @property
     def left_out(self) -> list[str]:
-        """What the recording does not hold, a phrase each."""
+        """How much of what the recording does not hold whole is in it, a phrase each."""
         return self._collector.left_out
 
     def log(self, step: Step) -> None:
@@ -49,7 +49,7 @@ class ReplayStream:
         self._collector.finish(result)
         self.flush()
         framing = Framing.of_results([result]) if self._alone and len(result.stamps) else None
-        self._drawing.finish(framing, self.left_out)
+        self._drawing.finish(framing, self.left_out, result)
 
     def flush(self) -> None:
         """Draw what was collected so far."""

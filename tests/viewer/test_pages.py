@@ -1,6 +1,9 @@
 import re
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from pfslam_viz import geometry
 from pfslam_viz.viewer.pages import about_page, help_page
 
 if TYPE_CHECKING:
@@ -27,3 +30,21 @@ def test_the_about_page_tells_recording_configuration_and_versions(corridor: "Co
     assert "| resampling.policy | n_eff |" in page
     assert "- maps: 3 of 60" in page
     assert f"rerun {rerun.__version__}" in page
+
+
+def test_the_about_page_tells_what_came_of_the_run(corridor: "Corridor") -> None:
+    result = corridor.result(list(corridor.steps()))
+    assert result.truth is not None
+    page = about_page(corridor.recording, [corridor.config], (), {"filter": result})
+    moved = [
+        np.hypot(*(geometry.between(poses[0], poses) - geometry.between(result.truth[0], result.truth))[:, :2].T)
+        for poses in (result.estimate, result.online, result.dead_reckoning)
+    ]  # paths are compared from where they start
+    ours, online, reckoned = (np.sqrt(np.mean(apart**2)) for apart in moved)
+    rows = {line.split("|")[1].strip(): line.split("|")[2:-1] for line in page.splitlines() if line.count("|") == 4}
+    assert f"{ours:.3f} m" in rows["error, rmse"][0] and f"{reckoned:.3f} m" in rows["error, rmse"][1]
+    assert f"{online:.3f} m" in rows["error on the way, rmse"][0]
+    gap = np.hypot(*(result.estimate[-1] - result.estimate[0])[:2])
+    assert f"{gap:.2f} m" in rows["end-to-start gap"][0]
+    assert "after 15 scans" in rows["resampled"][0] and rows["loops closed"][0].strip() == "1"
+    assert "## Result" not in about_page(corridor.recording, [corridor.config])

@@ -209,6 +209,7 @@ def test_camera_images_come_at_their_stamps(file: "Readable") -> None:
 
 def test_the_about_page_holds_the_configuration(file: "Readable") -> None:
     assert "| particles | 40 |" in file.static("about", "text")[0]
+    assert "## Result" in file.static("about", "text")[0]
 
 
 def test_options_thin_and_what_is_left_out_is_said(
