@@ -67,13 +67,14 @@ def test_more_panels_are_narrower() -> None:
 @pytest.mark.parametrize("aspect", [1.6, 2.2])
 def test_the_eye_sees_the_whole_building_and_is_near(content: tuple[float, float], aspect: float) -> None:
     """The corners of the building's box, projected by hand: an upright eye whose view is 55 degrees high."""
-    framing = Framing((4.0, -3.0), *content, content)
+    half = np.array(content) / 2
+    outline = np.array([[4 + i * half[0], -3 + j * half[1]] for i in (-1, 1) for j in (-1, 1)])
+    framing = Framing((0.0, 0.0), 80.0, 80.0, outline)  # which is about the other views
     eye, target = eye_on(framing)
     forward = (target - eye) / np.linalg.norm(target - eye)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
     up = np.cross(right, forward)
-    half = np.array(content) / 2
     corners = np.array([[4 + i * half[0], -3 + j * half[1], z] for i in (-1, 1) for j in (-1, 1) for z in (0, 0.6)])
     seen = corners - eye
     focal = 1.0 / np.tan(np.radians(27.5))
