@@ -63,7 +63,15 @@ class Jpeg:
     contents: NDArray[np.uint8]
 
 
-Content = Cells | Boxes | Lines | Jpeg
+@dataclass(frozen=True, slots=True)
+class Note:
+    """A line of text with a level, as Rerun calls it."""
+
+    text: str
+    level: str
+
+
+Content = Cells | Boxes | Lines | Jpeg | Note
 
 
 @dataclass(frozen=True, slots=True)

@@ -58,7 +58,8 @@ class Drawing:
         self._relative = relative
         self._spreads = np.zeros(0)
         self._turned = 0.0  # degrees, by the last scan
-        style.style_run(sink, run, color, recording.frames)
+        self.color = color
+        style.style_run(sink, run, color, recording.frames, config.particles)
         if shared:
             style.style_shared(sink, recording)
 
@@ -207,8 +208,10 @@ def send_scene(
     sink, recording = drawings[0].sink, drawings[0].recording
     style.log_framing(sink, framing)
     names = [drawing.run for drawing in drawings]
+    colors = {drawing.run: drawing.color for drawing in drawings}
     logged = {path for drawing in drawings for path in drawing.logged} if final else None
-    style.log_page(sink, entities.HELP, pages.help_page(names, logged))
+    style.log_page(sink, entities.HELP, pages.help_page(colors, logged))
+    style.log_page(sink, entities.LEGEND, pages.legend_page(colors, recording))
     found = dict(zip(names, results, strict=False))
     about = pages.about_page(recording, [drawing.config for drawing in drawings], left_out or (), found)
     style.log_page(sink, entities.ABOUT, about)

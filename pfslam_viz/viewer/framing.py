@@ -110,6 +110,12 @@ def _outline(results: Sequence[Result], low: Array, high: Array) -> Array:
     return np.asarray(inside[np.argmax(inside @ directions, axis=0)])
 
 
+def round_length(most: float) -> float:
+    """The longest of 1, 2 or 5 times a power of ten that is no longer than ``most``, in m."""
+    power = 10.0 ** np.floor(np.log10(most))
+    return float(power * max(step for step in (1, 2, 5) if step * power <= most * (1 + 1e-9)))
+
+
 PIXELS = 1000  # height of the overhead image; only its proportion to the floor matters
 
 

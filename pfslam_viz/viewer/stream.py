@@ -8,6 +8,7 @@ from pfslam_viz.replay import Result
 from pfslam_viz.step import Step
 from pfslam_viz.viewer.collector import Collector, StreamOptions
 from pfslam_viz.viewer.drawing import Drawing, send_scene
+from pfslam_viz.viewer.entities import run_colors
 from pfslam_viz.viewer.framing import Framing
 from pfslam_viz.viewer.sinks import Sink
 
@@ -67,6 +68,7 @@ def replay_stream(
 ) -> ReplayStream:
     """The stream of a recording's only run to a sink."""
     options = options or StreamOptions()
-    drawing = Drawing(recording, config, sink, options.max_particles)
+    color = run_colors([config])[0]
+    drawing = Drawing(recording, config, sink, options.max_particles, color=color)
     send_scene([drawing], Framing.of_recording(recording))
-    return ReplayStream(Collector(recording, options), drawing)
+    return ReplayStream(Collector(recording, config, options), drawing)
