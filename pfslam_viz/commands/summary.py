@@ -38,7 +38,7 @@ def summary(
     if file is not None:
         run.add_row("recording", f"{file.name}, {file.stat().st_size / 1e6:.1f} MB")
     for phrase in left_out:
-        run.add_row("left out", phrase)
+        run.add_row("holds", phrase)
     return Group(paths, run)
 
 
