@@ -1,8 +1,10 @@
 """The camera that the floor is painted with: found in the recording's own images, or as the robot file has it."""
 
 import math
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Literal
 
@@ -70,10 +72,9 @@ class FloorCamera:
         pose = f"{math.degrees(k.pitch):.2f}° down, roll {math.degrees(k.roll):.2f}°, {k.position[2]:.3f} m high"
         if self.source == "filed":
             return f"as filed: {pose}" + (f"; {self.why_not}" if self.why_not else "")
-        return (
-            f"fitted to {self.frames} frames: {pose} (± {math.degrees(self.spread):.2f}°, {1e3 * self.height_spread:.0f}"
-            f" mm; the file says {math.degrees(self.filed.pitch):.2f}°, {self.filed.position[2]:.3f} m)"
-        )
+        spread = f"± {math.degrees(self.spread):.2f}°, {1e3 * self.height_spread:.0f} mm"
+        filed = f"{math.degrees(self.filed.pitch):.2f}°, {self.filed.position[2]:.3f} m"
+        return f"fitted to {self.frames} frames: {pose} ({spread}; the file says {filed})"
 
     @property
     def note(self) -> str | None:
@@ -98,17 +99,31 @@ def find_camera(frames: Frames, source: Source = "fitted") -> FloorCamera:
     """Find the camera's pitch, roll and height by the floor in some tens of ``frames``; yaw and place stay as filed.
 
     With ``source`` "filed" the file's camera is used whatever is found, and so it is where the frames do not agree.
+    The same files are fitted once.
     """
     there = [path for path in frames.disparity_paths if path is not None]
-    picked = (
-        [there[k] for k in np.unique(np.linspace(0, len(there) - 1, LOOKED_AT).round().astype(int))] if there else []
-    )
-    with ThreadPoolExecutor(READERS, thread_name_prefix="floor") as pool:
-        planes = [p for p in pool.map(lambda path: _plane(path, frames.camera), picked) if p is not None]
+    spread = np.unique(np.linspace(0, max(len(there) - 1, 0), LOOKED_AT).round().astype(int))
+    picked = [there[k] for k in spread[: len(there)]]
+    planes = _planes(tuple((path, _version(path)) for path in picked), frames.camera)
     return settle(planes, len(picked), frames.camera, source)
 
 
-def settle(planes: list[FloorPlane], looked_at: int, filed: CameraGeometry, source: Source) -> FloorCamera:
+@lru_cache(maxsize=8)
+def _planes(files: tuple[tuple[Path, int], ...], camera: CameraGeometry) -> tuple[FloorPlane, ...]:
+    """The floors in those ``files`` (each with its version) that show one."""
+    with ThreadPoolExecutor(READERS, thread_name_prefix="floor") as pool:
+        found = pool.map(lambda file: _plane(file[0], camera), files)
+        return tuple(plane for plane in found if plane is not None)
+
+
+def _version(path: Path) -> int:
+    try:
+        return path.stat().st_mtime_ns
+    except OSError:
+        return 0
+
+
+def settle(planes: Sequence[FloorPlane], looked_at: int, filed: CameraGeometry, source: Source) -> FloorCamera:
     """The camera by the ``planes`` that were found in ``looked_at`` frames: their medians, if they agree."""
     if not planes:
         why = "the floor is seen in no disparity frame" if looked_at else "there are no disparity frames"

@@ -131,7 +131,8 @@ def _best_trial(rays: Array, dd: Array, down: Array, height: float) -> Array | N
         return None
     voters = rng.integers(0, len(dd), SCORED)
     misfit = (rays[voters] @ planes.T - dd[voters, None]) / (NEAR * STEP)
-    return planes[int(np.minimum(misfit * misfit, 1.0).sum(axis=0).argmin())]
+    best: Array = planes[int(np.minimum(misfit * misfit, 1.0).sum(axis=0).argmin())]
+    return best
 
 
 def _allowed(planes: Array, down: Array, height: float) -> NDArray[np.bool_]:
@@ -156,7 +157,7 @@ def _refine(plane: Array, rays: Array, dd: Array) -> tuple[Array, NDArray[np.boo
             break
         a = rays[on]
         try:
-            plane = np.linalg.solve(a.T @ a, a.T @ dd[on])
+            plane = np.asarray(np.linalg.solve(a.T @ a, a.T @ dd[on]), np.float64)
         except np.linalg.LinAlgError:
             return None
         noise = 1.4826 * float(np.median(np.abs(a @ plane - dd[on])))
