@@ -105,5 +105,7 @@ def _run(result: Result, seconds: float, log_seconds: float) -> Iterator[tuple[s
     spent = {phase.replace("_", " "): float(result.seconds[phase].sum()) for phase in PHASES} | {"log": log_seconds}
     yield "ms a scan", ", ".join(f"{name} {1e3 * total / n:.2f}" for name, total in spent.items() if total > 0)
     yield "resampled", f"after {result.resamplings:,} of {n:,} scans"
+    if result.camera is not None:
+        yield "camera", result.camera.text
     if result.uninformative:
         yield "no match", f"{result.uninformative:,} of {n:,} scans had no correlation with the map"
