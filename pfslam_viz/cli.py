@@ -51,8 +51,13 @@ DataOpt = Annotated[
     ),
 ]
 RobotOpt = Annotated[
-    str,
-    typer.Option("--robot", metavar="NAME|PATH", help="Robot file of an ECE276A set.", rich_help_panel=SCANS),
+    str | None,
+    typer.Option(
+        "--robot",
+        metavar="NAME|PATH",
+        help="Robot file of an ECE276A set.  [dim]robot.toml beside it, else ece276a[/dim]",
+        rich_help_panel=SCANS,
+    ),
 ]
 ScanTopicOpt = Annotated[
     str | None,
@@ -184,7 +189,7 @@ def replay(
     particles: ParticlesOpt = None,
     seed: SeedOpt = None,
     data: DataOpt = None,
-    robot: RobotOpt = "ece276a",
+    robot: RobotOpt = None,
     start: StartOpt = 0,
     stop: StopOpt = None,
     stride: StrideOpt = 1,
@@ -226,7 +231,7 @@ def recordings(data: DataOpt = None, json: JsonOpt = False) -> None:
 def info(
     recording: RecordingArg,
     data: DataOpt = None,
-    robot: RobotOpt = "ece276a",
+    robot: RobotOpt = None,
     scan_topic: ScanTopicOpt = None,
     odom_topic: OdomTopicOpt = None,
     base_frame: BaseFrameOpt = None,
@@ -307,7 +312,7 @@ def evaluate(
         bool, typer.Option("--paper/--no-paper", help="Run the paper's filter beside it.", rich_help_panel=FILTER)
     ] = True,
     data: DataOpt = None,
-    robot: RobotOpt = "ece276a",
+    robot: RobotOpt = None,
     start: StartOpt = 0,
     stop: StopOpt = None,
     stride: StrideOpt = 1,
@@ -352,7 +357,7 @@ def compare(
     connect: ConnectOpt = None,
     stdout: StdoutOpt = False,
     data: DataOpt = None,
-    robot: RobotOpt = "ece276a",
+    robot: RobotOpt = None,
     start: StartOpt = 0,
     stop: StopOpt = None,
     stride: StrideOpt = 1,
@@ -390,7 +395,7 @@ def figures(
     particles: ParticlesOpt = None,
     seed: SeedOpt = None,
     data: DataOpt = None,
-    robot: RobotOpt = "ece276a",
+    robot: RobotOpt = None,
     start: StartOpt = 0,
     stop: StopOpt = None,
     stride: StrideOpt = 1,

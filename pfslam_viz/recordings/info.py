@@ -18,7 +18,7 @@ Description = dict[str, object]
 
 
 def describe_path(
-    name_or_path: str | Path, data: Path | None = None, robot: str | Path = "ece276a", **options: str | None
+    name_or_path: str | Path, data: Path | None = None, robot: str | Path | None = None, **options: str | None
 ) -> Description:
     """What is inside a recording; of one that lacks just its scans, what its other sensors tell.
 
