@@ -20,6 +20,7 @@ PROGRAM = "pfslam-viz"
 
 # Panels of --help.
 SINKS, FILTER, SCANS, DETAIL = "Where it goes", "The filter", "The recording", "Size and detail"
+CAMERA = "The camera"
 RUN, JUDGE, RECORDINGS = "Replay", "Judge", "Recordings"
 
 app = typer.Typer(
@@ -289,11 +290,44 @@ def simulate(
         float | None,
         typer.Option("--gyro-bias", metavar="RAD/S", help="The gyro's bias.  [dim]drawn, as measured[/dim]"),
     ] = None,
+    camera_pitch: Annotated[
+        float | None,
+        typer.Option("--camera-pitch", metavar="DEG", help="True pitch.  [dim]as told[/dim]", rich_help_panel=CAMERA),
+    ] = None,
+    camera_roll: Annotated[
+        float | None,
+        typer.Option("--camera-roll", metavar="DEG", help="True roll.  [dim]as told[/dim]", rich_help_panel=CAMERA),
+    ] = None,
+    camera_height: Annotated[
+        float | None,
+        typer.Option(
+            "--camera-height",
+            metavar="M",
+            help="True height.  [dim]as told[/dim]",
+            rich_help_panel=CAMERA,
+        ),
+    ] = None,
+    disparity_noise: Annotated[
+        float, typer.Option("--disparity-noise", help="Spread in steps; a real one has 1.25.", rich_help_panel=CAMERA)
+    ] = 0.0,
+    disparity_holes: Annotated[
+        float, typer.Option("--disparity-holes", help="Share; a real one has 0.01.", rich_help_panel=CAMERA)
+    ] = 0.0,
+    exposure_drift: Annotated[
+        float, typer.Option("--exposure-drift", help="Brighter and darker by this share.", rich_help_panel=CAMERA)
+    ] = 0.0,
+    motion_blur: Annotated[
+        float, typer.Option("--motion-blur", metavar="S", help="The shutter is open so long.", rich_help_panel=CAMERA)
+    ] = 0.0,
 ) -> None:
     """Make a recording with known truth: a robot drives through a simulated building."""
     from pfslam_viz.commands import simulate as command
+    from pfslam_viz.simulation.camera_errors import CameraErrors
 
-    command.run(out, seed, duration, building, frames, wheel_scale, slip, gyro_bias)
+    camera = CameraErrors(
+        camera_pitch, camera_roll, camera_height, disparity_noise, disparity_holes, exposure_drift, motion_blur
+    )
+    command.run(out, seed, duration, building, frames, wheel_scale, slip, gyro_bias, camera)
 
 
 @app.command(
