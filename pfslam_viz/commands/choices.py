@@ -22,7 +22,7 @@ class RecordingChoice:
 
     name: str
     data: Path | None = None
-    robot: str = "ece276a"
+    robot: str | None = None
     start: int = 0
     stop: int | None = None
     stride: int = 1

@@ -111,6 +111,13 @@ def about_page(
             lines += [f"## {title}", "", *(f"- {finding.line}" for finding in found), ""]
     if recording.notes:
         lines += ["## Notes", "", *(f"- {note}" for note in recording.notes), ""]
+    if frames is not None and any(config.texture.enabled for config in configs):
+        from pfslam_viz.texture import find_camera
+
+        lines += ["## Camera", ""]
+        cameras = [(c.name, find_camera(frames, c.texture.camera)) for c in configs if c.texture.enabled]
+        lines += [f"- `{name}`: {camera.text}" for name, camera in cameras]
+        lines += [*dict.fromkeys(f"- {camera.note}" for _, camera in cameras if camera.note), ""]
     for config in configs:
         settings = _flat(config.model_dump(exclude={"name"}))
         lines += [f"## Configuration `{config.name}`", "", "| key | value |", "| --- | --- |"]

@@ -226,7 +226,7 @@ def test_every_setting_of_the_filter_with_a_map_per_particle(key: str, field: Fi
     assert differs("default", key, field, "particles=3", "loop_closing.enabled=false")
 
 
-@pytest.mark.parametrize("key", ["texture.enabled", "texture.floor_tolerance", "texture.max_range"])
+@pytest.mark.parametrize("key", ["texture.enabled", "texture.camera", "texture.floor_tolerance", "texture.max_range"])
 @pytest.mark.parametrize("name", ["paper", "default"])
 def test_every_setting_of_the_texture(name: str, key: str, filmed: Recording) -> None:
     config = load_config(name, ["particles=2"])
