@@ -393,7 +393,7 @@ EVIDENCE_OTHER: dict[str, Any] = {
 EVIDENCE_GIVEN = {"turn_length": {"visits": 1, "apart": 8}}
 
 
-@pytest.mark.parametrize("key", [key for key in EvidenceConfig.model_fields if key != "sure"])
+@pytest.mark.parametrize("key", [key for key in EvidenceConfig.model_fields if key not in ("sure", "preferred")])
 def test_every_setting_of_the_evidence(key: str, round_the_block: Round) -> None:
     poses, _, scans = round_the_block
     store, given = store_of(scans), EvidenceConfig().model_dump() | EVIDENCE_GIVEN.get(key, {})
@@ -405,14 +405,19 @@ def test_every_setting_of_the_evidence(key: str, round_the_block: Round) -> None
     assert one != two
 
 
-@pytest.mark.parametrize(("sure", "kept"), [(0.0, "settled"), (1e9, "online")])
-def test_how_sure_one_must_be_decides_what_is_kept(sure: float, kept: str) -> None:
-    config = with_setting(load_config("default", ["particles=3"]), "evidence.sure", sure)
+@pytest.mark.parametrize(("preferred", "kept"), [(-1e9, "settled"), (1e9, "online")])
+def test_how_much_must_speak_for_it_decides_what_is_kept(preferred: float, kept: str) -> None:
+    config = with_setting(load_config("default", ["particles=3"]), "evidence.preferred", preferred)
     replay = Replay(short_drive(), config, threads=1)
     list(replay)
     result = replay.result()
     assert result.kept is not None and result.kept.trajectory == kept
     assert np.allclose(result.estimate, replay.slam.trajectory())
+
+
+def test_a_loop_is_closed_on_the_scans_word_if_they_are_sure(round_the_block: Round) -> None:
+    word = LOOPS.model_copy(update={"gain": 1000.0})  # no graph agrees so much better
+    assert settled(round_the_block, SMOOTHING, word, sure=1.0) != settled(round_the_block, SMOOTHING, word, sure=1e9)
 
 
 @pytest.mark.parametrize("searches", [1, 2])

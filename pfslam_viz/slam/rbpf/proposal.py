@@ -39,6 +39,49 @@ def _log_posterior(
     return temper * agreement(table, field, origin, cell, points, x, y, heading) - 0.5 * square
 
 
+def window(covariance: Floats, apart: Floats, sigmas: float, most: int) -> NDArray[np.int64]:
+    """How many starts (3,) there are to either side of the guess: as far as the motion is uncertain, ``most`` at most.
+
+    That is ``sigmas`` standard deviations of its ``covariance`` (3, 3), in steps of ``apart`` (2,) m and rad; what is
+    known better than a step is not searched.
+    """
+    steps = sigmas * np.sqrt(np.diag(covariance)) / apart[[0, 0, 1]]
+    return np.minimum(steps, most).astype(np.int64)
+
+
+@njit(cache=True, nogil=True)
+def best_start(
+    table: Index,
+    field: Field,
+    origin: NDArray[np.int64],
+    cell: float,
+    points: Floats,
+    temper: float,
+    guess: Floats,
+    prior: Floats,
+    starts: NDArray[np.int64],
+    apart: Floats,
+) -> Floats:
+    """The best pose (3,) of a grid round the guess, from which to climb (Olson 2009).
+
+    The grid has ``starts`` (3,) steps of ``apart`` (2,) m and rad to either side, in the guess's frame.
+    """
+    best = guess.copy()
+    top = _log_posterior(table, field, origin, cell, points, temper, guess, prior, guess[0], guess[1], guess[2])
+    c, s = math.cos(guess[2]), math.sin(guess[2])
+    for i in range(-starts[0], starts[0] + 1):
+        for j in range(-starts[1], starts[1] + 1):
+            x = guess[0] + apart[0] * (c * i - s * j)
+            y = guess[1] + apart[0] * (s * i + c * j)
+            for k in range(-starts[2], starts[2] + 1):
+                heading = guess[2] + apart[1] * k
+                value = _log_posterior(table, field, origin, cell, points, temper, guess, prior, x, y, heading)
+                if value > top:
+                    top = value
+                    best[0], best[1], best[2] = x, y, heading
+    return best
+
+
 @njit(cache=True, nogil=True)
 def propose(
     tables: Index,
@@ -49,6 +92,8 @@ def propose(
     temper: float,
     guesses: Floats,
     prior: Floats,
+    starts: NDArray[np.int64],
+    apart: Floats,
     steps: Floats,
     halvings: int,
     moves: int,
@@ -58,7 +103,8 @@ def propose(
     """Match and sample for every particle.
 
     ``guesses`` (N, 3) are the poses by motion alone, ``prior`` (3, 3) its information in the frame of the guess.
-    The coordinate search goes forth and back along x, y and heading in turn, at most ``moves`` times with one step; it
+    The search starts from the :func:`best_start`, of ``starts`` (3,) to either side that are ``apart`` (2,) m and rad.
+    It goes forth and back along x, y and heading in turn, at most ``moves`` times with one step; it
     starts with ``steps`` (2,) m and rad and halves them ``halvings`` times. ``normals`` (N, S, 3) are standard normal
     draws, scaled by ``spread`` (2,) m and rad round the optimum. Returns the mean of the posterior round the optimum
     (N, 3) and the log-evidence (N,).
@@ -70,7 +116,8 @@ def propose(
     sampled = np.empty((samples + 1, 3))
     for p in range(n):
         table, guess = tables[p], guesses[p]
-        x, y, heading = guess[0], guess[1], guess[2]
+        start = best_start(table, field, origin, cell, points, temper, guess, prior, starts, apart)
+        x, y, heading = start[0], start[1], start[2]
         best = _log_posterior(table, field, origin, cell, points, temper, guess, prior, x, y, heading)
         step, turn = steps[0], steps[1]
         for _ in range(halvings + 1):

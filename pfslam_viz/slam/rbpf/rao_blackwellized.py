@@ -20,7 +20,7 @@ from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.slam.protocol import Kept, LoopClosure, Match, Scan
 from pfslam_viz.slam.rbpf.best_map import BestMap
 from pfslam_viz.slam.rbpf.history import History
-from pfslam_viz.slam.rbpf.proposal import propose, spread_points
+from pfslam_viz.slam.rbpf.proposal import propose, spread_points, window
 from pfslam_viz.slam.rbpf.settings import RbpfConfig
 from pfslam_viz.slam.rbpf.tile_maps import TileMaps, TileSettings
 from pfslam_viz.slam.worker import Worker
@@ -225,6 +225,9 @@ class RaoBlackwellizedFilter(Belief):
         guesses = geometry.compose(self._key_particles, motion.increment + noise)
         points = spread_points(scan.points, scan.lidar_position, s.max_range, s.match_spacing, s.match_beams)
         prior = turned(information, motion.increment[2])
+        apart = np.array([s.start_distance, s.start_angle])
+        covariance: Array = np.linalg.inv(prior)
+        starts = window(covariance, apart, s.start_window, s.most_starts)
         steps = np.array([s.search_distance, s.search_angle])
         spread = np.array([s.sample_distance, s.sample_angle])
         normals = self._rng.standard_normal((n, s.samples, 3))
@@ -240,6 +243,8 @@ class RaoBlackwellizedFilter(Belief):
                 s.temper,
                 guesses[k],
                 prior,
+                starts,
+                apart,
                 steps,
                 s.search_halvings,
                 s.search_moves,
@@ -296,7 +301,7 @@ class RaoBlackwellizedFilter(Belief):
         smoother = Smoother(self._scans, self._history.odometry(), self.config, unknown)
         smoothed = smoother.smooth(self._key_poses())
         self._verdict = compare(self._scans, smoothed.poses, self._key_poses(), self.config.evidence)
-        if self._verdict.sigmas < self.config.evidence.sure:
+        if self._verdict.sigmas < self.config.evidence.preferred:
             return
         self._smoothed = smoothed.poses
         self._closures = tuple(self._closure(int(earlier), int(later)) for earlier, later in smoothed.closed)
