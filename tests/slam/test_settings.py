@@ -71,6 +71,7 @@ OTHER: dict[str, Any] = {
     "rao_blackwellized.scan_good": 0.99,
     "rao_blackwellized.scan_better": 0.0,
     "rao_blackwellized.scan_unseen": 0.5,
+    "rao_blackwellized.most_starts": 1,
     "rao_blackwellized.scan_near": 0.0,
     "rao_blackwellized.scan_freedom": 1000.0,
     "rao_blackwellized.scan_noise_distance": 10.0,
@@ -83,8 +84,14 @@ OTHER: dict[str, Any] = {
     "odometry.largest_scale": 1.01,
     "filter_constraints.least_share": 0.9,
 }
+VAGUE = ["scan_overlap=1.0", "noise_distance=1.0", "noise_drift=1.0"]  # the map has to find out how the robot moved
+SEARCHING = [f"rao_blackwellized.{setting}" for setting in VAGUE]
 # What must be so for a setting to be of use.
 GIVEN = {
+    "rao_blackwellized.start_window": SEARCHING,
+    "rao_blackwellized.start_distance": SEARCHING,
+    "rao_blackwellized.start_angle": SEARCHING,
+    "rao_blackwellized.most_starts": SEARCHING,
     "motion.variance": ["motion.model=additive"],
     "motion": ["motion.model=scaled"],
     "observation.perturbation_cells": ["observation.perturbation=true"],

@@ -8,6 +8,7 @@ evidence p(scan | map, motion), which weighs the particle. The plain twin of the
 """
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -39,7 +40,7 @@ def _log_posterior(
     return temper * agreement(table, field, origin, cell, points, x, y, heading) - 0.5 * square
 
 
-def window(covariance: Floats, apart: Floats, sigmas: float, most: int) -> NDArray[np.int64]:
+def window(covariance: NDArray[np.floating[Any]], apart: Floats, sigmas: float, most: int) -> NDArray[np.int64]:
     """How many starts (3,) there are to either side of the guess: as far as the motion is uncertain, ``most`` at most.
 
     That is ``sigmas`` standard deviations of its ``covariance`` (3, 3), in steps of ``apart`` (2,) m and rad; what is

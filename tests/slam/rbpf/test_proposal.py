@@ -213,8 +213,8 @@ def test_every_particle_is_proposed_by_itself(maps: TileMaps) -> None:
     means, evidence = proposed(two, points, guesses, LOOSE, normals)
     for k in range(2):
         alone = propose(
-            two.table[k : k + 1], two.field, two.origin, two.cell, points, TEMPER, guesses[k : k + 1], LOOSE, ALONE, APART,
-            STEPS, HALVINGS, MOVES, normals[k : k + 1], SPREAD,
+            two.table[k : k + 1], two.field, two.origin, two.cell, points, TEMPER, guesses[k : k + 1], LOOSE, ALONE,
+            APART, STEPS, HALVINGS, MOVES, normals[k : k + 1], SPREAD,
         )  # fmt: skip
         np.testing.assert_array_equal(alone[0][0], means[k])
         assert alone[1][0] == evidence[k]
