@@ -27,6 +27,7 @@ def metrics(result: Result) -> dict[str, Any]:
 
     Lengths are in m, angles in deg, times in s or ms, as the names say. ``truth`` and ``relations`` score the final
     trajectory (``estimate``), the poses as they were estimated at the time (``online``) and ``dead_reckoning``.
+    ``kept`` is which trajectory the final one is, if there was a choice: see :class:`pfslam_viz.slam.protocol.Kept`.
     """
     trajectories = {
         "estimate": result.estimate,

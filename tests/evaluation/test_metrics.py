@@ -13,6 +13,7 @@ from pfslam_viz.evaluation.metrics import finite, metrics
 from pfslam_viz.recordings.recording import Lidar, Recording, Relations
 from pfslam_viz.replay import Result
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
+from pfslam_viz.slam.protocol import Kept
 
 
 def make_result(n: int = 5) -> Result:
@@ -65,6 +66,13 @@ def test_numbers_by_hand() -> None:
     assert m["recording"]["notes"] == ["one scan was late"]
     assert m["config"]["map"]["cell"] == 0.07
     assert m["versions"]["numpy"] == np.__version__
+
+
+def test_which_trajectory_was_kept_and_why() -> None:
+    """Nothing was settled; then the scans speak for what was, by 5.2 sigmas."""
+    assert metrics(make_result())["kept"] is None
+    kept = metrics(replace(make_result(), kept=Kept("settled", 0.013, 5.2)))["kept"]
+    assert kept == {"trajectory": "settled", "gain": 0.013, "sigmas": 5.2}
 
 
 def test_speed() -> None:

@@ -71,6 +71,7 @@ OTHER: dict[str, Any] = {
     "rao_blackwellized.scan_good": 0.99,
     "rao_blackwellized.scan_better": 0.0,
     "rao_blackwellized.scan_unseen": 0.5,
+    "rao_blackwellized.most_starts": 1,
     "rao_blackwellized.scan_near": 0.0,
     "rao_blackwellized.scan_freedom": 1000.0,
     "rao_blackwellized.scan_noise_distance": 10.0,
@@ -83,8 +84,14 @@ OTHER: dict[str, Any] = {
     "odometry.largest_scale": 1.01,
     "filter_constraints.least_share": 0.9,
 }
+VAGUE = ["scan_overlap=1.0", "noise_distance=1.0", "noise_drift=1.0"]  # the map has to find out how the robot moved
+SEARCHING = [f"rao_blackwellized.{setting}" for setting in VAGUE]
 # What must be so for a setting to be of use.
 GIVEN = {
+    "rao_blackwellized.start_window": SEARCHING,
+    "rao_blackwellized.start_distance": SEARCHING,
+    "rao_blackwellized.start_angle": SEARCHING,
+    "rao_blackwellized.most_starts": SEARCHING,
     "motion.variance": ["motion.model=additive"],
     "motion": ["motion.model=scaled"],
     "observation.perturbation_cells": ["observation.perturbation=true"],
@@ -272,10 +279,16 @@ def store_of(scans: list[Array]) -> ScanStore:
     return store
 
 
-def settled(given: Round, smoothing: SmoothingConfig, loops: LoopClosingConfig) -> str:
+def settled(given: Round, smoothing: SmoothingConfig, loops: LoopClosingConfig, sure: float = 1.0) -> str:
     """The trajectory in hindsight, its loops, and where one would go on to look for more."""
     poses, odometry, scans = given
-    config = GraphConfig(smoothing=smoothing, loop_closing=loops, filter_constraints=NO_FILTER, odometry=ODOMETRY)
+    config = GraphConfig(
+        smoothing=smoothing,
+        loop_closing=loops,
+        filter_constraints=NO_FILTER,
+        odometry=ODOMETRY,
+        evidence=EvidenceConfig(sure=sure),
+    )
     smoother = Smoother(store_of(scans), odometry, config)
     smoothed = smoother.smooth(poses)
     looked = find_candidates(poses, smoother.drift(poses, smoothed.closed), loops)
@@ -298,6 +311,7 @@ OTHER |= {
     "iterations": 1,
     "neighbours": 0,
     "turn_length": 5.0,
+    "settled_distance": 1e-9,
 }
 SMOOTHING_GIVEN = {"turn_length": {"radius": 3.0, "neighbours": 1, "apart": 8}}
 LOOP_OTHER: dict[str, Any] = {
@@ -306,6 +320,11 @@ LOOP_OTHER: dict[str, Any] = {
     "most_turn": 0.19,
     "least_turn": 0.4,
     "view": 1.0,
+    "blur": 0.04,
+    "around": 0.2,
+    "view_scans": 1,
+    "places": 1,
+    "elsewhere": 0.3,
     "points": 40,
     "fits_already": 0.01,
     "score": 0.99,
@@ -320,11 +339,15 @@ LOOP_OTHER: dict[str, Any] = {
     "sound": 0.99,
     "gain": 1e6,
 }
-
-
-@pytest.fixture(scope="module")
-def usually_settled(round_the_block: Round) -> str:
-    return settled(round_the_block, SMOOTHING, LOOPS)
+STRICT = {"score": 0.8}
+LOOP_GIVEN = {
+    "view": STRICT,
+    "blur": STRICT,
+    "around": STRICT,
+    "view_scans": STRICT,
+    "places": {"least_loop": 1.0, "elsewhere": 0.3},
+    "elsewhere": {"least_loop": 1.0},
+}
 
 
 @pytest.mark.parametrize("key", [key for key in SmoothingConfig.model_fields if key != "enabled"])
@@ -336,11 +359,12 @@ def test_every_setting_of_smoothing(key: str, round_the_block: Round) -> None:
 
 
 @pytest.mark.parametrize("key", [key for key in LoopClosingConfig.model_fields if key != "searches"])
-def test_every_setting_of_loop_closing(key: str, round_the_block: Round, usually_settled: str) -> None:
-    field, value = LoopClosingConfig.model_fields[key], getattr(LOOPS, key)
-    other = LOOP_OTHER.get(key, changed("", field, value))
-    changed_loops = LoopClosingConfig.model_validate(LOOPS.model_dump() | {key: other})
-    assert settled(round_the_block, SMOOTHING, changed_loops) != usually_settled
+def test_every_setting_of_loop_closing(key: str, round_the_block: Round) -> None:
+    given = LOOPS.model_dump() | LOOP_GIVEN.get(key, {})
+    value = LOOP_OTHER.get(key, changed("", LoopClosingConfig.model_fields[key], given[key]))
+    one, other = (LoopClosingConfig.model_validate(given | change) for change in ({}, {key: value}))
+    sure = 1e9 if key == "gain" else 1.0  # what speaks for a loop besides
+    assert settled(round_the_block, SMOOTHING, other, sure) != settled(round_the_block, SMOOTHING, one, sure)
 
 
 DRIFT_OTHER: dict[str, Any] = {"links": 1, "triangles": 10**6, "least_distance": 1.0, "least_angle": 1.0}
@@ -376,7 +400,7 @@ EVIDENCE_OTHER: dict[str, Any] = {
 EVIDENCE_GIVEN = {"turn_length": {"visits": 1, "apart": 8}}
 
 
-@pytest.mark.parametrize("key", [key for key in EvidenceConfig.model_fields if key != "sure"])
+@pytest.mark.parametrize("key", [key for key in EvidenceConfig.model_fields if key not in ("sure", "preferred")])
 def test_every_setting_of_the_evidence(key: str, round_the_block: Round) -> None:
     poses, _, scans = round_the_block
     store, given = store_of(scans), EvidenceConfig().model_dump() | EVIDENCE_GIVEN.get(key, {})
@@ -388,14 +412,19 @@ def test_every_setting_of_the_evidence(key: str, round_the_block: Round) -> None
     assert one != two
 
 
-@pytest.mark.parametrize(("sure", "kept"), [(0.0, "settled"), (1e9, "online")])
-def test_how_sure_one_must_be_decides_what_is_kept(sure: float, kept: str) -> None:
-    config = with_setting(load_config("default", ["particles=3"]), "evidence.sure", sure)
+@pytest.mark.parametrize(("preferred", "kept"), [(-1e9, "settled"), (1e9, "online")])
+def test_how_much_must_speak_for_it_decides_what_is_kept(preferred: float, kept: str) -> None:
+    config = with_setting(load_config("default", ["particles=3"]), "evidence.preferred", preferred)
     replay = Replay(short_drive(), config, threads=1)
     list(replay)
     result = replay.result()
     assert result.kept is not None and result.kept.trajectory == kept
     assert np.allclose(result.estimate, replay.slam.trajectory())
+
+
+def test_a_loop_is_closed_on_the_scans_word_if_they_are_sure(round_the_block: Round) -> None:
+    word = LOOPS.model_copy(update={"gain": 1000.0})  # no graph agrees so much better
+    assert settled(round_the_block, SMOOTHING, word, sure=1.0) != settled(round_the_block, SMOOTHING, word, sure=1e9)
 
 
 @pytest.mark.parametrize("searches", [1, 2])

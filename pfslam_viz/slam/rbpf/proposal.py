@@ -8,6 +8,7 @@ evidence p(scan | map, motion), which weighs the particle. The plain twin of the
 """
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -39,6 +40,16 @@ def _log_posterior(
     return temper * agreement(table, field, origin, cell, points, x, y, heading) - 0.5 * square
 
 
+def window(covariance: NDArray[np.floating[Any]], apart: Floats, sigmas: float, most: int) -> NDArray[np.int64]:
+    """How many starts (3,) there are to either side of the guess: as far as the motion is uncertain, ``most`` at most.
+
+    That is ``sigmas`` standard deviations of its ``covariance`` (3, 3), in steps of ``apart`` (2,) m and rad; what is
+    known better than a step is not searched.
+    """
+    steps = sigmas * np.sqrt(np.diag(covariance)) / apart[[0, 0, 1]]
+    return np.minimum(steps, most).astype(np.int64)
+
+
 @njit(cache=True, nogil=True)
 def best_start(
     table: Index,
@@ -49,27 +60,21 @@ def best_start(
     temper: float,
     guess: Floats,
     prior: Floats,
-    window: Floats,
+    starts: NDArray[np.int64],
     apart: Floats,
-    most: int,
 ) -> Floats:
-    """The best pose (3,) of a grid round the guess from which to climb.
+    """The best pose (3,) of a grid round the guess, from which to climb (Olson 2009).
 
-    The grid reaches as far as the motion is uncertain, ``window`` (3,) m, m, rad in the guess's frame, in steps of
-    ``apart`` (2,) m and rad, at most ``most`` to either side. What is less uncertain than a step is not searched (Olson
-    2009).
+    The grid has ``starts`` (3,) steps of ``apart`` (2,) m and rad to either side, in the guess's frame.
     """
     best = guess.copy()
     top = _log_posterior(table, field, origin, cell, points, temper, guess, prior, guess[0], guess[1], guess[2])
-    n_x = min(int(window[0] / apart[0]), most)
-    n_y = min(int(window[1] / apart[0]), most)
-    n_h = min(int(window[2] / apart[1]), most)
     c, s = math.cos(guess[2]), math.sin(guess[2])
-    for i in range(-n_x, n_x + 1):
-        for j in range(-n_y, n_y + 1):
+    for i in range(-starts[0], starts[0] + 1):
+        for j in range(-starts[1], starts[1] + 1):
             x = guess[0] + apart[0] * (c * i - s * j)
             y = guess[1] + apart[0] * (s * i + c * j)
-            for k in range(-n_h, n_h + 1):
+            for k in range(-starts[2], starts[2] + 1):
                 heading = guess[2] + apart[1] * k
                 value = _log_posterior(table, field, origin, cell, points, temper, guess, prior, x, y, heading)
                 if value > top:
@@ -88,9 +93,8 @@ def propose(
     temper: float,
     guesses: Floats,
     prior: Floats,
-    window: Floats,
+    starts: NDArray[np.int64],
     apart: Floats,
-    most_starts: int,
     steps: Floats,
     halvings: int,
     moves: int,
@@ -100,11 +104,11 @@ def propose(
     """Match and sample for every particle.
 
     ``guesses`` (N, 3) are the poses by motion alone, ``prior`` (3, 3) its information in the frame of the guess.
-    Starts are ``apart`` (2,) m and rad within the ``window`` (3,), at most ``most_starts`` to either side: see
-    :func:`best_start`. The coordinate search goes forth and back along x, y and heading in turn, at most ``moves``
-    times with one step; it starts with ``steps`` (2,) m and rad and halves them ``halvings`` times. ``normals``
-    (N, S, 3) are standard normal draws, scaled by ``spread`` (2,) m and rad round the optimum. Returns the mean of the
-    posterior round the optimum (N, 3) and the log-evidence (N,).
+    The search starts from the :func:`best_start`, of ``starts`` (3,) to either side that are ``apart`` (2,) m and rad.
+    It goes forth and back along x, y and heading in turn, at most ``moves`` times with one step; it
+    starts with ``steps`` (2,) m and rad and halves them ``halvings`` times. ``normals`` (N, S, 3) are standard normal
+    draws, scaled by ``spread`` (2,) m and rad round the optimum. Returns the mean of the posterior round the optimum
+    (N, 3) and the log-evidence (N,).
     """
     n, samples = normals.shape[0], normals.shape[1]
     means = np.empty((n, 3))
@@ -113,7 +117,7 @@ def propose(
     sampled = np.empty((samples + 1, 3))
     for p in range(n):
         table, guess = tables[p], guesses[p]
-        start = best_start(table, field, origin, cell, points, temper, guess, prior, window, apart, most_starts)
+        start = best_start(table, field, origin, cell, points, temper, guess, prior, starts, apart)
         x, y, heading = start[0], start[1], start[2]
         best = _log_posterior(table, field, origin, cell, points, temper, guess, prior, x, y, heading)
         step, turn = steps[0], steps[1]

@@ -20,7 +20,7 @@ from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.slam.protocol import Kept, LoopClosure, Match, Scan
 from pfslam_viz.slam.rbpf.best_map import BestMap
 from pfslam_viz.slam.rbpf.history import History
-from pfslam_viz.slam.rbpf.proposal import propose, spread_points
+from pfslam_viz.slam.rbpf.proposal import propose, spread_points, window
 from pfslam_viz.slam.rbpf.settings import RbpfConfig
 from pfslam_viz.slam.rbpf.tile_maps import TileMaps, TileSettings
 from pfslam_viz.slam.worker import Worker
@@ -225,8 +225,8 @@ class RaoBlackwellizedFilter(Belief):
         guesses = geometry.compose(self._key_particles, motion.increment + noise)
         points = spread_points(scan.points, scan.lidar_position, s.max_range, s.match_spacing, s.match_beams)
         prior = turned(information, motion.increment[2])
-        window = s.start_window * np.sqrt(np.diag(np.linalg.inv(prior)))
         apart = np.array([s.start_distance, s.start_angle])
+        starts = window(np.linalg.inv(prior), apart, s.start_window, s.most_starts)
         steps = np.array([s.search_distance, s.search_angle])
         spread = np.array([s.sample_distance, s.sample_angle])
         normals = self._rng.standard_normal((n, s.samples, 3))
@@ -242,9 +242,8 @@ class RaoBlackwellizedFilter(Belief):
                 s.temper,
                 guesses[k],
                 prior,
-                window,
+                starts,
                 apart,
-                s.most_starts,
                 steps,
                 s.search_halvings,
                 s.search_moves,

@@ -54,11 +54,11 @@ class RaoBlackwellizedConfig(Section):
     match_beams: int = setting(180, "end points that are matched with the map, evenly along the walls", ge=10)
     match_spacing: float = setting(0.05, "between end points that are matched with the map", "m", ge=0)
     start_window: float = setting(
-        2.0, "standard deviations of the motion to either side in which a match with the map looks for a start", ge=0
+        2.0, "standard deviations of the motion within which a match with the map starts from a grid of poses", ge=0
     )
-    start_distance: float = setting(0.1, "between starts", "m", gt=0)
-    start_angle: float = setting(0.03, "between starts", "rad", gt=0)
-    most_starts: int = setting(12, "starts to either side in each of x, y and heading, at most", ge=0, le=50)
+    start_distance: float = setting(0.1, "between them", "m", gt=0)
+    start_angle: float = setting(0.03, "between them", "rad", gt=0)
+    most_starts: int = setting(12, "of them to either side in x, y and heading, at most", ge=0, le=50)
     search_distance: float = setting(0.04, "first step of the search for the optimum", "m", gt=0)
     search_angle: float = setting(0.02, "first step of the search for the optimum", "rad", gt=0)
     search_halvings: int = setting(4, "times that the steps are halved", ge=0, le=10)

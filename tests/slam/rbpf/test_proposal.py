@@ -7,14 +7,14 @@ import pytest
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
-from pfslam_viz.slam.rbpf.proposal import best_start, propose, spread_points
+from pfslam_viz.slam.rbpf.proposal import best_start, propose, spread_points, window
 from pfslam_viz.slam.rbpf.tile_kernels import agreement
 from pfslam_viz.slam.rbpf.tile_maps import TileMaps, TileSettings
 
 Array = NDArray[np.float64]
 
 TEMPER = 0.2
-SURE, APART, MOST_STARTS = np.zeros(3), np.array([0.1, 0.03]), 12  # no window of starts, unless one is given
+ALONE, APART = np.zeros(3, np.int64), np.array([0.1, 0.03])  # no other start than the guess
 STEPS, HALVINGS, MOVES = np.array([0.04, 0.02]), 6, 120
 SPREAD = np.array([0.01, 0.005])
 LOOSE = np.diag([1.0, 1.0, 1.0])
@@ -68,9 +68,8 @@ def proposed(
         TEMPER,
         guesses,
         prior,
-        SURE,
+        ALONE,
         APART,
-        MOST_STARTS,
         STEPS,
         HALVINGS,
         MOVES,
@@ -214,9 +213,8 @@ def test_every_particle_is_proposed_by_itself(maps: TileMaps) -> None:
     means, evidence = proposed(two, points, guesses, LOOSE, normals)
     for k in range(2):
         alone = propose(
-            two.table[k : k + 1], two.field, two.origin, two.cell, points, TEMPER, guesses[k : k + 1], LOOSE,
-            SURE, APART, MOST_STARTS, STEPS,
-            HALVINGS, MOVES, normals[k : k + 1], SPREAD,
+            two.table[k : k + 1], two.field, two.origin, two.cell, points, TEMPER, guesses[k : k + 1], LOOSE, ALONE,
+            APART, STEPS, HALVINGS, MOVES, normals[k : k + 1], SPREAD,
         )  # fmt: skip
         np.testing.assert_array_equal(alone[0][0], means[k])
         assert alone[1][0] == evidence[k]
@@ -233,11 +231,10 @@ def test_an_empty_scan_leaves_the_guess(maps: TileMaps) -> None:
 
 def started(maps: TileMaps, guess: Array, deviation: Array, pose: Array) -> Array:
     prior = np.diag(np.maximum(deviation, 1e-3) ** -2)
+    starts = window(np.diag(deviation**2), APART, 2.0, 12)
     points = seen_from(pose)
-    return best_start(
-        maps.table[0], maps.field, maps.origin, maps.cell, points, TEMPER, guess, prior, 2.0 * deviation,
-        APART, MOST_STARTS,
-    )  # fmt: skip
+    table = maps.table[0]
+    return best_start(table, maps.field, maps.origin, maps.cell, points, TEMPER, guess, prior, starts, APART)
 
 
 def test_a_wide_motion_starts_near_the_truth(maps: TileMaps) -> None:
@@ -246,7 +243,7 @@ def test_a_wide_motion_starts_near_the_truth(maps: TileMaps) -> None:
     guess = pose + np.array([0.3, -0.25, 0.25])
     start = started(maps, guess, np.array([0.25, 0.25, 0.15]), pose)
     assert np.hypot(*(start - pose)[:2]) < 0.1 and abs(start[2] - pose[2]) < 0.03
-    steps = geometry.between(guess, start) / np.array([0.1, 0.1, 0.03])
+    steps = geometry.between(guess, start) / APART[[0, 0, 1]]
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-9)
 
 
@@ -257,8 +254,8 @@ def test_the_window_of_starts_follows_the_motions_uncertainty(maps: TileMaps) ->
     np.testing.assert_array_equal(started(maps, guess, np.array([0.04, 0.04, 0.01]), pose), guess)
     turned = started(maps, guess, np.array([0.04, 0.04, 0.15]), pose)
     assert (turned[:2] == guess[:2]).all() and abs(turned[2] - pose[2]) < 0.03
-    far = started(maps, pose + np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, 2.0]), pose)
-    assert abs(far[2] - pose[2] - 1.0) <= MOST_STARTS * 0.03 + 1e-9 and MOST_STARTS * 0.03 < 2.0
+    covariance = np.diag(np.array([0.26, 0.04, 2.0]) ** 2)
+    assert window(covariance, APART, 2.0, 12).tolist() == [5, 0, 12]
 
 
 # Which points are matched

@@ -373,7 +373,7 @@ def test_a_bare_corridor_is_left_to_the_odometry() -> None:
 def test_turning_that_the_wheels_do_not_see_makes_key_scans() -> None:
     """Carried round on the spot by 25 degrees, half a degree a scan, while the wheels rest; then driving on for 1 m.
 
-    A key scan comes every 0.15 rad, 9 degrees, so two or three of them; the heading is kept to half a degree there.
+    A key scan comes every 1.3 times 0.15 rad, 11.2 degrees, so two of them; the heading is kept to half a degree there.
     """
     turn = np.tile([0.0, 0.0, math.radians(0.5)], (51, 1))
     turn[0] = 0.0
@@ -383,7 +383,7 @@ def test_turning_that_the_wheels_do_not_see_makes_key_scans() -> None:
     slam = RaoBlackwellizedFilter(config())
     estimates = run(slam, recorded)
     keys = [k for k in range(1, 51) if WRITTEN[k]]
-    assert keys and keys[0] <= math.ceil(math.degrees(0.15) / 0.5) + 1 and 2 <= len(keys) <= 3
+    assert keys and keys[0] <= math.ceil(math.degrees(1.3 * 0.15) / 0.5) + 1 and len(keys) == 2
     assert np.diff(keys).min() >= 15
     for k in keys:
         assert estimates[k].mean[2] == pytest.approx(recorded.truth[k, 2], abs=math.radians(0.5))
@@ -411,17 +411,6 @@ def test_the_room_without_odometry(in_the_room: Drive) -> None:
     slam.finish()
     smoothed = final_error(in_the_room.truth, slam.trajectory())
     assert smoothed[0] < 0.012 and smoothed[1] < 0.25
-
-
-def test_a_robot_whose_odometry_is_silent_goes_on_as_the_scans_saw_it(in_the_room: Drive) -> None:
-    """4 cm and 1.5 degrees a scan of 0.05 s: after 40 scans the next is expected there, whatever the odometry says."""
-    recorded = Drive(in_the_room.truth[:40], in_the_room.odometry[:40], in_the_room.scans[:40])
-    slam, _ = without_odometry(recorded)
-    before = slam._particles.copy()
-    slam.predict(np.full(3, 7.0), 0.1, False)
-    step = geometry.between(before, slam._particles)
-    true = geometry.between(in_the_room.truth[39], in_the_room.truth[41])  # 0.1 s are two scans
-    np.testing.assert_allclose(step, np.tile(true, (len(step), 1)), atol=0.025)
 
 
 def test_a_corridor_with_an_end_without_odometry() -> None:
@@ -619,6 +608,23 @@ def test_the_maps_numbers_are_the_configurations(in_the_room: Drive) -> None:
     assert set(np.unique(slam.grid.log_odds[slam.grid.log_odds < 0] / 0.25 % 1)) == {0.0}
 
 
+def test_wheels_that_read_zero_are_overruled() -> None:
+    """For four scans of a turn of 7 degrees a scan the wheels say nothing, three times over: 86 degrees lost."""
+    increments = circle()[:180].copy()
+    increments[1:, 2] *= 2.0
+    for at in (40, 90, 130):
+        increments[at : at + 4] = [0.0, 0.0, math.radians(7.2)]
+    seen = drive(ROOM, increments, scale=1.0, turn=0.0)
+    for at in (40, 90, 130):
+        seen.odometry[at : at + 4] = 0.0
+    assert final_error(seen.truth, geometry.accumulate(seen.odometry))[1] > 30.0
+    slam = RaoBlackwellizedFilter(config())
+    estimates = run(slam, seen)
+    online = final_error(seen.truth, np.array([e.best for e in estimates]))
+    assert online[0] < 0.05 and online[1] < 2.0
+    assert any(WRITTEN[40:44])  # a key scan, though the odometry saw no motion
+
+
 @pytest.mark.parametrize("sigmas", [0.4, 0.6, -3.0])
 def test_the_settled_trajectory_is_kept_if_the_scans_prefer_it(
     in_the_room: Drive, sigmas: float, monkeypatch: pytest.MonkeyPatch
@@ -626,14 +632,14 @@ def test_the_settled_trajectory_is_kept_if_the_scans_prefer_it(
     """From half a standard error on; else the trajectory and the map stay as they were."""
     monkeypatch.setattr(rao_blackwellized, "compare", lambda *_: Verdict(0.01, sigmas, 100))
     slam = RaoBlackwellizedFilter(config())
-    run(slam, in_the_room)
+    run(slam, Drive(in_the_room.truth[:90], in_the_room.odometry[:90], in_the_room.scans[:90]))
     assert slam.kept is None
     before, log_odds = slam.trajectory(), slam.grid.log_odds.copy()
     slam.finish()
     settled = sigmas > 0.5
     assert slam.kept == Kept("settled" if settled else "online", 0.01, sigmas)
-    assert (slam.trajectory() == before).all() != settled
-    assert (slam.grid.log_odds.shape == log_odds.shape and (slam.grid.log_odds == log_odds).all()) != settled
+    assert bool((slam.trajectory() == before).all()) != settled
+    assert (slam.grid.log_odds.shape == log_odds.shape and bool((slam.grid.log_odds == log_odds).all())) != settled
 
 
 def test_the_settled_trajectory_of_a_round_is_preferred(in_the_room: Drive) -> None:
