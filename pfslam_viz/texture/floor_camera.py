@@ -65,6 +65,16 @@ class FloorCamera:
             "spread_deg": round(math.degrees(self.spread), 3) if math.isfinite(self.spread) else None,
         }
 
+    def tolerance(self, filed: float) -> float:
+        """m within which a point is floor, where ``filed`` would do for a camera that is as filed.
+
+        Half of it is enough for a fitted camera, and spares the feet of walls and furniture; more where the frames
+        disagree, as the floor two metres ahead does by then.
+        """
+        if self.source == "filed":
+            return filed
+        return min(0.5 * filed + 2.0 * (self.height_spread + 2.0 * self.spread), filed)
+
     @property
     def text(self) -> str:
         """The camera in words, such as ``fitted to 32 frames: 20.69° down, ...``."""
