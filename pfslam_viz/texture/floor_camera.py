@@ -79,7 +79,7 @@ class FloorCamera:
     def text(self) -> str:
         """The camera in words, such as ``fitted to 32 frames: 20.69° down, ...``."""
         k = self.geometry
-        pose = f"{math.degrees(k.pitch):.2f}° down, roll {math.degrees(k.roll):.2f}°, {k.position[2]:.3f} m high"
+        pose = f"{math.degrees(k.pitch):.2f}° down, roll {_degrees(k.roll)}°, {k.position[2]:.3f} m high"
         if self.source == "filed":
             return f"as filed: {pose}" + (f"; {self.why_not}" if self.why_not else "")
         spread = f"± {math.degrees(self.spread):.2f}°, {1e3 * self.height_spread:.0f} mm"
@@ -97,8 +97,8 @@ class FloorCamera:
             return None
         said = (
             f"camera: by the floor in {self.frames} frames it looks {math.degrees(pitch):.2f}° down from {height:.3f} m"
-            f" (roll {math.degrees(roll):.2f}°); the robot file says {math.degrees(self.filed.pitch):.2f}° and"
-            f" {self.filed.position[2]:.3f} m (roll {math.degrees(self.filed.roll):.2f}°)"
+            f" (roll {_degrees(roll)}°); the robot file says {math.degrees(self.filed.pitch):.2f}° and"
+            f" {self.filed.position[2]:.3f} m (roll {_degrees(self.filed.roll)}°)"
         )
         if self.source == "fitted":
             return f"{said}; the floor is painted with the former"
@@ -168,6 +168,10 @@ def _plane(path: Path, camera: CameraGeometry) -> FloorPlane | None:
         return None
     k = camera.intrinsics
     return fit_floor(image, camera) if image.shape == (k.height, k.width) and image.dtype == np.uint16 else None
+
+
+def _degrees(angle: float) -> str:
+    return f"{round(math.degrees(angle), 2) + 0.0:.2f}"  # no minus before a zero
 
 
 def _angle(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
