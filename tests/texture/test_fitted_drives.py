@@ -3,6 +3,8 @@
 import io
 import json
 import math
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -127,3 +129,13 @@ def test_the_filter_does_not_care(tilted: tuple[Recording, World]) -> None:
     np.testing.assert_array_equal(runs[0].grid.log_odds, runs[1].grid.log_odds)
     assert runs[0].texture is not None and runs[1].texture is not None
     assert runs[0].texture.shape != runs[1].texture.shape or (runs[0].texture.color != runs[1].texture.color).any()
+
+
+def test_the_camera_is_described_without_the_kernels(tilted: tuple[Recording, World]) -> None:
+    code = (
+        "import sys; from pfslam_viz.recordings.info import describe_path\n"
+        f"about = describe_path({str(tilted[0].path)!r})\n"
+        "print(about['camera']['source'], [m for m in ('numba', 'scipy', 'rerun') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "fitted []"
