@@ -65,11 +65,21 @@ class FloorCamera:
             "spread_deg": round(math.degrees(self.spread), 3) if math.isfinite(self.spread) else None,
         }
 
+    def tolerance(self, filed: float) -> float:
+        """m within which a point is floor, where ``filed`` would do for a camera that is as filed.
+
+        Half of it is enough for a fitted camera, and spares the feet of walls and furniture; more where the frames
+        disagree, as the floor two metres ahead does by then.
+        """
+        if self.source == "filed":
+            return filed
+        return min(0.5 * filed + 2.0 * (self.height_spread + 2.0 * self.spread), filed)
+
     @property
     def text(self) -> str:
         """The camera in words, such as ``fitted to 32 frames: 20.69° down, ...``."""
         k = self.geometry
-        pose = f"{math.degrees(k.pitch):.2f}° down, roll {math.degrees(k.roll):.2f}°, {k.position[2]:.3f} m high"
+        pose = f"{math.degrees(k.pitch):.2f}° down, roll {_degrees(k.roll)}°, {k.position[2]:.3f} m high"
         if self.source == "filed":
             return f"as filed: {pose}" + (f"; {self.why_not}" if self.why_not else "")
         spread = f"± {math.degrees(self.spread):.2f}°, {1e3 * self.height_spread:.0f} mm"
@@ -87,8 +97,8 @@ class FloorCamera:
             return None
         said = (
             f"camera: by the floor in {self.frames} frames it looks {math.degrees(pitch):.2f}° down from {height:.3f} m"
-            f" (roll {math.degrees(roll):.2f}°); the robot file says {math.degrees(self.filed.pitch):.2f}° and"
-            f" {self.filed.position[2]:.3f} m (roll {math.degrees(self.filed.roll):.2f}°)"
+            f" (roll {_degrees(roll)}°); the robot file says {math.degrees(self.filed.pitch):.2f}° and"
+            f" {self.filed.position[2]:.3f} m (roll {_degrees(self.filed.roll)}°)"
         )
         if self.source == "fitted":
             return f"{said}; the floor is painted with the former"
@@ -158,6 +168,10 @@ def _plane(path: Path, camera: CameraGeometry) -> FloorPlane | None:
         return None
     k = camera.intrinsics
     return fit_floor(image, camera) if image.shape == (k.height, k.width) and image.dtype == np.uint16 else None
+
+
+def _degrees(angle: float) -> str:
+    return f"{round(math.degrees(angle), 2) + 0.0:.2f}"  # no minus before a zero
 
 
 def _angle(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:

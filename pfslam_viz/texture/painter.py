@@ -73,7 +73,9 @@ class TexturePainter:
         self.frames = frames
         self.config = config
         self.camera = camera or find_camera(frames, config.camera)
-        self.texture = FloorTexture(self.camera.geometry, config, cell)
+        tolerance = self.camera.tolerance(config.floor_tolerance)
+        narrowed = config.model_copy(update={"floor_tolerance": tolerance})
+        self.texture = FloorTexture(self.camera.geometry, narrowed, cell)
         self.skipped = SkippedFrames()
         self.painted = 0
         self.pairs = pair(frames.color_stamps, frames.disparity_stamps)

@@ -8,8 +8,11 @@ import cv2
 import numpy as np
 import pytest
 
+from pfslam_viz.config import load_robot
 from pfslam_viz.recordings.recording import Frames
 from pfslam_viz.robot import CameraGeometry
+from pfslam_viz.settings import TextureConfig
+from pfslam_viz.texture import FloorTexture, TexturePainter
 from pfslam_viz.texture.floor_camera import find_camera, settle
 from pfslam_viz.texture.floor_plane import FloorPlane
 
@@ -103,3 +106,43 @@ def test_twin21_was_rendered_with_18_degrees(shared_data: Path) -> None:
     camera = find_camera(replace(frames, camera=frames.camera.model_copy(update={"pitch": 0.36})))
     assert camera.source == "fitted" and math.degrees(camera.geometry.pitch) == pytest.approx(18, abs=0.03)
     assert camera.geometry.position[2] == pytest.approx(0.507, abs=0.001)
+
+
+def test_a_fitted_camera_needs_half_the_tolerance() -> None:
+    """A spread of 0.1° and 1 mm lets the floor 2 m ahead vary by 3.5 + 1 mm; twice that is added."""
+    camera = replace(settle(planes(5), 5, FILED, "fitted"), spread=math.radians(0.1), height_spread=0.001)
+    assert camera.tolerance(0.05) == pytest.approx(0.025 + 2 * (0.00349 + 0.001), abs=1e-4)
+    assert replace(camera, spread=0.1).tolerance(0.05) == 0.05
+    assert settle(planes(5), 5, FILED, "filed").tolerance(0.05) == 0.05
+
+
+@pytest.mark.parametrize("robot", ["ece276a", "ece276a-paper"])
+def test_the_floor_of_the_real_image_is_painted_and_little_else(robot: str, shared_data: Path) -> None:
+    """Floor is what is within 6 disparities of the plane of DATA.md (20.70°, 0.26°, 0.504 m): 61 % of the image."""
+    path = shared_data / "real" / "disparity.png"
+    filed = load_robot(robot).ground_camera()
+    assert filed is not None
+    frames = Frames(np.arange(3.0), (path,) * 3, np.arange(3.0), (path,) * 3, filed)
+    painter = TexturePainter(frames, TextureConfig(), 0.05)
+    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    assert image is not None and painter.camera.source == "fitted"
+    narrowed = TextureConfig(floor_tolerance=painter.texture.view.tolerance)
+    v, u = np.mgrid[:480, :640]
+    pitch, roll = math.radians(20.70), math.radians(0.26)
+    down = math.sin(roll) * math.cos(pitch), math.cos(roll) * math.cos(pitch), math.sin(pitch)
+    toward = down[0] * (u - 315.838) / 585.051 + down[1] * (v - 242.941) / 585.051 + down[2]
+    expected = (3.31 - 1.03 * toward / 0.504) / 0.00304
+    known = image < 1089
+    floor = known & (np.abs(image - expected) < 6.0)
+    assert floor.mean() == pytest.approx(0.61, abs=0.02)
+
+    def painted(mask: np.ndarray) -> float:
+        """Share of these pixels that are painted; every colour's pixel is in the image but for some at its left."""
+        only = np.where(mask, image, 2047).astype(np.uint16)
+        texture = FloorTexture(painter.camera.geometry, narrowed, 0.05)
+        texture.add(only, np.zeros((480, 640, 3), np.uint8), (0.0, 0.0, 0.0))
+        return float(texture.weight.sum() / mask.sum())
+
+    inside = (526.37 * u - 4.5 * 1750.46 * (3.31 - 0.00304 * image) + 19276) / 585.051 >= 0.0
+    assert painted(floor & inside) > 0.99
+    assert painted(known & ~floor) < 0.03
