@@ -251,7 +251,7 @@ N_EFF = Entity("plots/n_eff/{run}", Kind.CURVE, color="run", width=1.5, views=(V
     help="effective number of particles, 1 / Σ w²: the lowest of the scans that share a pixel")
 N_EFF_LIMIT = Entity("plots/n_eff/{run}/threshold", Kind.CURVE, color=MISS, width=1.0,
     views=(View.COMPARE_PLOTS, View.FILTER_PLOTS), help="{color} line: below this N_eff, particles are resampled")
-RESAMPLED = Entity("plots/n_eff/{run}/resampled", Kind.MARKS, color=MISS, width=2.0,
+RESAMPLED = Entity("plots/n_eff/{run}/resampled", Kind.MARKS, color=MISS, width=1.5,
     views=(View.COMPARE_PLOTS, View.FILTER_PLOTS), help="{color} dot: the particles were resampled after this scan")
 SPREAD = Entity("plots/spread/{run}", Kind.CURVE, color="run", width=1.5, views=(View.COMPARE_PLOTS,),
     title="Spread of the particles (m)", keep="Max",

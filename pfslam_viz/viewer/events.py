@@ -1,9 +1,9 @@
-"""What happened in a run, for the list of events: a level, a scan and a sentence each.
+"""What happened in a run, for the list of events: a level, a scan and a few words each.
 
-What lasts (an open corridor, scans without a match) is told where it begins, and how long it was where it ends.
+The list beside the maps is narrow, and breaks no lines. What lasts (an open corridor, scans without a match) is told
+where it begins, and how long it was where it ends.
 """
 
-import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ from pfslam_viz.step import Step
 DETAIL, EVENT, DOUBT = "DEBUG", "INFO", "WARN"  # levels, as Rerun calls them
 GAP_SECONDS, GAP_PERIODS = 1.0, 10.0  # a silence of both is a gap
 MOST_GAPS = 10  # of a sensor, the longest
-LINE = 30  # characters: the viewer breaks no lines in a list
+TOGETHER = 1.0  # s: sensors that fall silent no further apart are told as one
 SAME_SCANS = 10  # loops whose later scans are no further apart are told as one
 
 
@@ -32,8 +32,8 @@ class Event:
 
     @property
     def line(self) -> str:
-        """The sentence with its scan, broken as the narrow list beside the maps has to have it."""
-        return textwrap.fill(f"scan {self.step:,}: {self.text}", LINE)
+        """With its scan, which the viewer's own column is too narrow for."""
+        return f"{self.step:,}: {self.text}"
 
 
 class Lasting:
@@ -62,11 +62,9 @@ class Chronicle:
     def __init__(self, recording: Recording, config: Config) -> None:
         self._recording, self._config = recording, config
         self._last: Step | None = None
-        self._open = Lasting(
-            "corridor open: the scan does not tell how far along the robot is", "placed again after {n} scans"
-        )
-        self._blind = Lasting("no match: the scan agrees with the map nowhere", "matches the map again after {n} scans")
-        self._deaf = Lasting("odometry unknown: nothing is believed of it", "odometry back after {n} scans")
+        self._open = Lasting("corridor open: place along it unsure", "placed again after {n} scans")
+        self._blind = Lasting("no match with the map", "match again after {n} scans")
+        self._deaf = Lasting("odometry unknown", "odometry back after {n} scans")
         self._gaps = sorted(gaps(recording), key=lambda event: event.step, reverse=True)
 
     def add(self, step: Step) -> Iterator[Event]:
@@ -80,7 +78,7 @@ class Chronicle:
         yield from self._open.see(step, estimate.match is not None and estimate.match.degenerate is not None)
         if estimate.resampled and self._config.resampling.policy != "always":
             share = f"N_eff {estimate.n_eff:.1f} of {len(estimate.weights):,}"
-            yield Event(step.index, step.time, DETAIL, f"particles resampled: {share}")
+            yield Event(step.index, step.time, DETAIL, f"resampled: {share}")
 
     def finish(self, result: Result, painted_anew: bool) -> Iterator[Event]:
         """What is known only at the end: loops at their later scan, the rest at the last one."""
@@ -91,32 +89,39 @@ class Chronicle:
         for closure in sorted(result.closures, key=lambda c: c.later):
             if not told or closure.later - told[-1] > SAME_SCANS:
                 told.append(closure.later)
-                text = f"loop closed (in hindsight): the same place as at scan {closure.earlier:,}"
+                text = f"loop closed with scan {closure.earlier:,}"
                 yield Event(closure.later, float(times[closure.later]), EVENT, text)
         if result.interrupted:
             yield Event(last.index, last.time, DOUBT, f"interrupted after {len(result.stamps):,} scans")
         moved = np.hypot(*(result.estimate - result.online)[:, :2].T)
         if moved.size and moved.max() > 1e-3:
-            most = f"moved by up to {moved.max():.2f} m: the violet line"
-            yield Event(last.index, last.time, EVENT, f"map settled in hindsight, the trajectory {most}")
+            text = f"map settled in hindsight: moved {moved.max():.2f} m (violet)"
+            yield Event(last.index, last.time, EVENT, text)
         if result.kept is not None and result.kept.trajectory == "online":
-            text = "trajectory of the run kept: the scans do not clearly speak for the settled one"
-            yield Event(last.index, last.time, DOUBT, text)
+            yield Event(last.index, last.time, EVENT, "trajectory of the run kept: none better in hindsight")
         if painted_anew:
-            yield Event(last.index, last.time, EVENT, "floor texture painted anew along the settled trajectory")
+            yield Event(last.index, last.time, EVENT, "texture painted anew")
 
 
 def gaps(recording: Recording) -> Iterator[Event]:
-    """Where sensors fell silent while scans went on, or the lidar itself did."""
+    """Where sensors fell silent while scans went on, or the lidar itself did; those that did so together are one."""
     streams: Sequence[Stream] = recording.streams or (Stream("lidar", recording.stamps),)
     first, end = float(recording.stamps[0]), float(recording.stamps[-1])
+    found: list[tuple[float, float, str]] = []  # since when, for how long, which sensor
     for stream in streams:
         within = stream.stamps[(stream.stamps >= first) & (stream.stamps <= end)]
         silent = np.diff(within)
         if len(silent) < 2:
             continue
         long = np.flatnonzero(silent > max(GAP_SECONDS, GAP_PERIODS * float(np.median(silent))))
-        for k in np.sort(long[np.argsort(silent[long])[::-1][:MOST_GAPS]]):
-            step = int(np.searchsorted(recording.stamps, within[k], side="right")) - 1
-            text = f"{stream.name}: silent for {silent[k]:.1f} s"
-            yield Event(step, float(recording.stamps[step]) - first, DOUBT, text)
+        longest = long[np.argsort(silent[long])[::-1][:MOST_GAPS]]
+        found += [(float(within[k]), float(silent[k]), stream.name) for k in longest]
+    found.sort()
+    while found:
+        since = found[0][0]
+        together = [gap for gap in found if gap[0] - since <= TOGETHER]
+        found = found[len(together) :]
+        names = ", ".join(dict.fromkeys(name for _, _, name in together))
+        step = int(np.searchsorted(recording.stamps, since, side="right")) - 1
+        text = f"{names} silent for {max(seconds for _, seconds, _ in together):.1f} s"
+        yield Event(step, float(recording.stamps[step]) - first, DOUBT, text)

@@ -82,7 +82,8 @@ def test_the_compare_tab_shows_both_maps_framed_alike(
     image = np.asarray(cv2.imread(str(picture)), int)
     white = np.abs(image - 255).max(axis=2) < 5
     top, bottom = int(0.12 * len(white)), int(0.68 * len(white))  # where the maps are
-    left, right = np.hsplit(white[top:bottom], 2)
+    maps = white[top:bottom, : 2 * (15 * white.shape[1] // 38)]  # the legend and the events are beside them
+    left, right = np.hsplit(maps, 2)
     # the same 8 m by 3 m corridor, drawn from nearly the same poses: columns of floor in the same place on both sides
     columns = [np.flatnonzero(half.mean(axis=0) > 0.2) for half in (left, right)]
     assert abs(columns[0][0] - columns[1][0]) < 40 and abs(columns[0][-1] - columns[1][-1]) < 40
@@ -116,8 +117,9 @@ def test_the_demo_is_shown_without_complaint_from_start_to_end(
         assert viewer.reports() == [], step
         found = shares(picture)
         assert found["unknown"] > 0.3, step
-        if step > 0:  # the first scan alone leaves the floor grey
-            assert found["white"] > 0.02 and min(found["orange"], found["blue"]) > 0.001, step
+        assert found["white"] > (0.02 if step else 0.01), step  # one scan shows the floor
+        if step > 0:
+            assert min(found["orange"], found["blue"]) > 0.001, step
     viewer.seek(last // 2)
     for tab in ("Filter", "Texture", "3-D", "About"):
         viewer.show_tab(tab)
