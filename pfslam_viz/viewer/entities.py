@@ -218,7 +218,9 @@ COLOR_IMAGE = Entity("world/{run}/robot/camera", Kind.CAMERA, color="run", views
 DISPARITY_IMAGE = Entity("camera/{run}/disparity", Kind.IMAGE, views=(View.DEPTH_CAMERA,),
     help="the depth image of the moment: bright is near, black is no depth")
 EVENTS = Entity("events/{run}", Kind.EVENTS, views=(View.EVENTS,),
-    help="what happened: resampled (DEBUG), loops closed and the like (INFO), what to doubt (WARN)")
+    help="what happened, by scan: resampled (DEBUG, hidden at first), loops closed, map and trajectory settled in"
+    " hindsight, texture painted anew (INFO), and what to doubt (WARN): a corridor whose scans do not tell how far"
+    " along the robot is, scans without match, odometry that is unknown, silent sensors")
 FOLLOW = Entity("world/{run}/follow", Kind.FRAME)  # moves with the robot; the cameras of its own views hang on it
 
 # What all runs share.

@@ -17,6 +17,7 @@ from pfslam_viz.step import Step
 DETAIL, EVENT, DOUBT = "DEBUG", "INFO", "WARN"  # levels, as Rerun calls them
 GAP_SECONDS, GAP_PERIODS = 1.0, 10.0  # a silence of both is a gap
 MOST_GAPS = 10  # of a sensor, the longest
+FLICKER = 10  # times as many scans without something end it as begin it
 TOGETHER = 1.0  # s: sensors that fall silent no further apart are told as one
 SAME_SCANS = 10  # loops whose later scans are no further apart are told as one
 
@@ -37,23 +38,25 @@ class Event:
 
 
 class Lasting:
-    """Something that holds for some scans in a row."""
+    """Something that holds for some scans, flickers of it counted as one."""
 
     def __init__(self, begins: str, ends: str, at_least: int = 1) -> None:
-        """``ends`` names the number of scans as {n}. Told only once it lasted ``at_least`` scans."""
+        """``ends`` names the number of scans as {n}. Told once it held for ``at_least`` scans in a row, and as over
+        once it did not for ten times as many."""
         self._begins, self._ends, self._at_least = begins, ends, at_least
-        self._count = 0
+        self._in_a_row, self._quiet = 0, 0
+        self._since: int | None = None
 
     def see(self, step: Step, holds: bool) -> Iterator[Event]:
         """Take the next scan."""
-        if holds:
-            self._count += 1
-            if self._count == self._at_least:
-                yield Event(step.index, step.time, DOUBT, self._begins)
-        elif self._count:
-            if self._count >= max(self._at_least, 2):
-                yield Event(step.index, step.time, EVENT, self._ends.format(n=f"{self._count:,}"))
-            self._count = 0
+        self._in_a_row, self._quiet = (self._in_a_row + 1, 0) if holds else (0, self._quiet + 1)
+        if self._since is None and self._in_a_row >= self._at_least:
+            self._since = step.index - self._in_a_row + 1
+            yield Event(step.index, step.time, DOUBT, self._begins)
+        elif self._since is not None and self._quiet >= FLICKER * self._at_least:
+            lasted = step.index - self._quiet + 1 - self._since
+            self._since = None
+            yield Event(step.index, step.time, EVENT, self._ends.format(n=f"{lasted:,}"))
 
 
 class Chronicle:
@@ -62,9 +65,9 @@ class Chronicle:
     def __init__(self, recording: Recording, config: Config) -> None:
         self._recording, self._config = recording, config
         self._last: Step | None = None
-        self._open = Lasting("corridor open: place along it unsure", "placed again after {n} scans")
-        self._blind = Lasting("no match with the map", "match again after {n} scans")
-        self._deaf = Lasting("odometry unknown", "odometry back after {n} scans")
+        self._open = Lasting("corridor open", "corridor left, {n} scans", 3)
+        self._blind = Lasting("no match with map", "matches again, {n} scans")
+        self._deaf = Lasting("odometry unknown", "odometry back, {n} scans")
         self._gaps = sorted(gaps(recording), key=lambda event: event.step, reverse=True)
 
     def add(self, step: Step) -> Iterator[Event]:
@@ -78,7 +81,7 @@ class Chronicle:
         yield from self._open.see(step, estimate.match is not None and estimate.match.degenerate is not None)
         if estimate.resampled and self._config.resampling.policy != "always":
             share = f"N_eff {estimate.n_eff:.1f} of {len(estimate.weights):,}"
-            yield Event(step.index, step.time, DETAIL, f"resampled: {share}")
+            yield Event(step.index, step.time, DETAIL, f"resampled, {share}")
 
     def finish(self, result: Result, painted_anew: bool) -> Iterator[Event]:
         """What is known only at the end: loops at their later scan, the rest at the last one."""
@@ -92,13 +95,13 @@ class Chronicle:
                 text = f"loop closed with scan {closure.earlier:,}"
                 yield Event(closure.later, float(times[closure.later]), EVENT, text)
         if result.interrupted:
-            yield Event(last.index, last.time, DOUBT, f"interrupted after {len(result.stamps):,} scans")
+            yield Event(last.index, last.time, DOUBT, "interrupted")
         moved = np.hypot(*(result.estimate - result.online)[:, :2].T)
         if moved.size and moved.max() > 1e-3:
-            text = f"map settled in hindsight: moved {moved.max():.2f} m (violet)"
+            text = f"hindsight: moved by {moved.max():.2f} m"
             yield Event(last.index, last.time, EVENT, text)
         if result.kept is not None and result.kept.trajectory == "online":
-            yield Event(last.index, last.time, EVENT, "trajectory of the run kept: none better in hindsight")
+            yield Event(last.index, last.time, EVENT, "run's trajectory kept")
         if painted_anew:
             yield Event(last.index, last.time, EVENT, "texture painted anew")
 
@@ -123,5 +126,5 @@ def gaps(recording: Recording) -> Iterator[Event]:
         found = found[len(together) :]
         names = ", ".join(dict.fromkeys(name for _, _, name in together))
         step = int(np.searchsorted(recording.stamps, since, side="right")) - 1
-        text = f"{names} silent for {max(seconds for _, seconds, _ in together):.1f} s"
+        text = f"{names} silent {max(seconds for _, seconds, _ in together):.1f} s"
         yield Event(step, float(recording.stamps[step]) - first, DOUBT, text)
