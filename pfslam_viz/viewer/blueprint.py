@@ -86,22 +86,17 @@ def _compare(runs: Sequence[str], recording: Recording, framing: Framing) -> rrb
     row = rrb.Horizontal(*maps) if len(maps) <= MAPS_IN_A_ROW else rrb.Grid(*maps, grid_columns=2)
     plots = rrb.Horizontal(*_plots(View.COMPARE_PLOTS, recording, runs))
     left = rrb.Vertical(row, plots, row_shares=[5, 2])
-    return rrb.Horizontal(left, _beside(runs), column_shares=[9, 2], name="Compare")
+    return rrb.Horizontal(left, _beside(runs), column_shares=[15, 4], name="Compare")
 
 
 def _beside(runs: Sequence[str]) -> rrb.Container:
     """The legend, and the list of events without its least important ones."""
-    kind = rrb.encodings.TextLogColumnKind
     paths = [row.path(run) for row in ENTITIES if View.EVENTS in row.views for run in runs]
-    several = len(runs) > 1
     events = rrb.TextLogView(
         origin="/events",
         contents=[f"+ /{path}" for path in paths],
         name="Events",
-        columns=rrb.TextLogColumns(
-            timeline_columns=["step"],
-            text_log_columns=[*([kind.EntityPath] if several else []), kind.Body],
-        ),
+        columns=rrb.TextLogColumns(timeline_columns=["step"], text_log_columns=[rrb.encodings.TextLogColumnKind.Body]),
         rows=rrb.TextLogRows(filter_by_log_level=["INFO", "WARN"]),
     )
     legend = rrb.TextDocumentView(origin=f"/{entities.LEGEND}", name="Colours")

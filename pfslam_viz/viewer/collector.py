@@ -156,8 +156,8 @@ class Collector:
         self._contents.append(TimedContent(row.path(self._run), step.index, step.time, content))
 
     def _add_events(self, events: Iterable[Event]) -> None:
-        path = entities.EVENTS.path(self._run)
-        self._contents += [TimedContent(path, e.step, e.seconds, Note(e.line, e.level)) for e in events]
+        path, whose = entities.EVENTS.path(self._run), "" if self._run == ONLY_RUN else f"{self._run} "
+        self._contents += [TimedContent(path, e.step, e.seconds, Note(whose + e.line, e.level)) for e in events]
 
     def _add_lines(self, row: Entity, step: Step, lines: Sequence[Array]) -> None:
         self._add(row, step, Lines([line[:, :2].astype(np.float32) for line in lines], row.z))

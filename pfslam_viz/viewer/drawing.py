@@ -157,8 +157,8 @@ class Drawing:
         curves["n_eff"] = curves["n_eff"] / particles
         for name, values in curves.items():
             self._send(RUN_CURVES[name], scans, archetypes.scalar_columns(values))
-        self._send_some(entities.RESAMPLED, scans, np.flatnonzero(scans.resampled), curves["n_eff"])
-        if self.config.resampling.policy == "n_eff":
+        if self.config.resampling.policy == "n_eff":  # marks at every scan would say nothing
+            self._send_some(entities.RESAMPLED, scans, np.flatnonzero(scans.resampled), curves["n_eff"])
             limits = self.config.resampling.threshold * scans.weights.lengths / particles
             ends = np.unique([0, len(scans) - 1])  # of a straight line
             self._send_some(entities.N_EFF_LIMIT, scans, ends, limits)

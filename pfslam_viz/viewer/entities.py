@@ -218,7 +218,9 @@ COLOR_IMAGE = Entity("world/{run}/robot/camera", Kind.CAMERA, color="run", views
 DISPARITY_IMAGE = Entity("camera/{run}/disparity", Kind.IMAGE, views=(View.DEPTH_CAMERA,),
     help="the depth image of the moment: bright is near, black is no depth")
 EVENTS = Entity("events/{run}", Kind.EVENTS, views=(View.EVENTS,),
-    help="what happened: resampled (DEBUG), loops closed and the like (INFO), what to doubt (WARN)")
+    help="what happened, by scan: resampled (DEBUG, hidden at first), loops closed, map and trajectory settled in"
+    " hindsight, texture painted anew (INFO), and what to doubt (WARN): a corridor whose scans do not tell how far"
+    " along the robot is, scans without match, odometry that is unknown, silent sensors")
 FOLLOW = Entity("world/{run}/follow", Kind.FRAME)  # moves with the robot; the cameras of its own views hang on it
 
 # What all runs share.
@@ -251,7 +253,7 @@ N_EFF = Entity("plots/n_eff/{run}", Kind.CURVE, color="run", width=1.5, views=(V
     help="effective number of particles, 1 / Σ w²: the lowest of the scans that share a pixel")
 N_EFF_LIMIT = Entity("plots/n_eff/{run}/threshold", Kind.CURVE, color=MISS, width=1.0,
     views=(View.COMPARE_PLOTS, View.FILTER_PLOTS), help="{color} line: below this N_eff, particles are resampled")
-RESAMPLED = Entity("plots/n_eff/{run}/resampled", Kind.MARKS, color=MISS, width=2.0,
+RESAMPLED = Entity("plots/n_eff/{run}/resampled", Kind.MARKS, color=MISS, width=1.5,
     views=(View.COMPARE_PLOTS, View.FILTER_PLOTS), help="{color} dot: the particles were resampled after this scan")
 SPREAD = Entity("plots/spread/{run}", Kind.CURVE, color="run", width=1.5, views=(View.COMPARE_PLOTS,),
     title="Spread of the particles (m)", keep="Max",

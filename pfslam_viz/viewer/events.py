@@ -1,9 +1,9 @@
-"""What happened in a run, for the list of events: a level, a scan and a sentence each.
+"""What happened in a run, for the list of events: a level, a scan and a few words each.
 
-What lasts (an open corridor, scans without a match) is told where it begins, and how long it was where it ends.
+The list beside the maps is narrow, and breaks no lines. What lasts (an open corridor, scans without a match) is told
+where it begins, and how long it was where it ends.
 """
 
-import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -17,7 +17,8 @@ from pfslam_viz.step import Step
 DETAIL, EVENT, DOUBT = "DEBUG", "INFO", "WARN"  # levels, as Rerun calls them
 GAP_SECONDS, GAP_PERIODS = 1.0, 10.0  # a silence of both is a gap
 MOST_GAPS = 10  # of a sensor, the longest
-LINE = 30  # characters: the viewer breaks no lines in a list
+FLICKER = 10  # times as many scans without something end it as begin it
+TOGETHER = 1.0  # s: sensors that fall silent no further apart are told as one
 SAME_SCANS = 10  # loops whose later scans are no further apart are told as one
 
 
@@ -32,28 +33,30 @@ class Event:
 
     @property
     def line(self) -> str:
-        """The sentence with its scan, broken as the narrow list beside the maps has to have it."""
-        return textwrap.fill(f"scan {self.step:,}: {self.text}", LINE)
+        """With its scan, which the viewer's own column is too narrow for."""
+        return f"{self.step:,}: {self.text}"
 
 
 class Lasting:
-    """Something that holds for some scans in a row."""
+    """Something that holds for some scans, flickers of it counted as one."""
 
     def __init__(self, begins: str, ends: str, at_least: int = 1) -> None:
-        """``ends`` names the number of scans as {n}. Told only once it lasted ``at_least`` scans."""
+        """``ends`` names the number of scans as {n}. Told once it held for ``at_least`` scans in a row, and as over
+        once it did not for ten times as many."""
         self._begins, self._ends, self._at_least = begins, ends, at_least
-        self._count = 0
+        self._in_a_row, self._quiet = 0, 0
+        self._since: int | None = None
 
     def see(self, step: Step, holds: bool) -> Iterator[Event]:
         """Take the next scan."""
-        if holds:
-            self._count += 1
-            if self._count == self._at_least:
-                yield Event(step.index, step.time, DOUBT, self._begins)
-        elif self._count:
-            if self._count >= max(self._at_least, 2):
-                yield Event(step.index, step.time, EVENT, self._ends.format(n=f"{self._count:,}"))
-            self._count = 0
+        self._in_a_row, self._quiet = (self._in_a_row + 1, 0) if holds else (0, self._quiet + 1)
+        if self._since is None and self._in_a_row >= self._at_least:
+            self._since = step.index - self._in_a_row + 1
+            yield Event(step.index, step.time, DOUBT, self._begins)
+        elif self._since is not None and self._quiet >= FLICKER * self._at_least:
+            lasted = step.index - self._quiet + 1 - self._since
+            self._since = None
+            yield Event(step.index, step.time, EVENT, self._ends.format(n=f"{lasted:,}"))
 
 
 class Chronicle:
@@ -62,11 +65,9 @@ class Chronicle:
     def __init__(self, recording: Recording, config: Config) -> None:
         self._recording, self._config = recording, config
         self._last: Step | None = None
-        self._open = Lasting(
-            "corridor open: the scan does not tell how far along the robot is", "placed again after {n} scans"
-        )
-        self._blind = Lasting("no match: the scan agrees with the map nowhere", "matches the map again after {n} scans")
-        self._deaf = Lasting("odometry unknown: nothing is believed of it", "odometry back after {n} scans")
+        self._open = Lasting("corridor open", "corridor left, {n} scans", 3)
+        self._blind = Lasting("no match with map", "matches again, {n} scans")
+        self._deaf = Lasting("odometry unknown", "odometry back, {n} scans")
         self._gaps = sorted(gaps(recording), key=lambda event: event.step, reverse=True)
 
     def add(self, step: Step) -> Iterator[Event]:
@@ -80,7 +81,7 @@ class Chronicle:
         yield from self._open.see(step, estimate.match is not None and estimate.match.degenerate is not None)
         if estimate.resampled and self._config.resampling.policy != "always":
             share = f"N_eff {estimate.n_eff:.1f} of {len(estimate.weights):,}"
-            yield Event(step.index, step.time, DETAIL, f"particles resampled: {share}")
+            yield Event(step.index, step.time, DETAIL, f"resampled, {share}")
 
     def finish(self, result: Result, painted_anew: bool) -> Iterator[Event]:
         """What is known only at the end: loops at their later scan, the rest at the last one."""
@@ -91,32 +92,39 @@ class Chronicle:
         for closure in sorted(result.closures, key=lambda c: c.later):
             if not told or closure.later - told[-1] > SAME_SCANS:
                 told.append(closure.later)
-                text = f"loop closed (in hindsight): the same place as at scan {closure.earlier:,}"
+                text = f"loop closed with scan {closure.earlier:,}"
                 yield Event(closure.later, float(times[closure.later]), EVENT, text)
         if result.interrupted:
-            yield Event(last.index, last.time, DOUBT, f"interrupted after {len(result.stamps):,} scans")
+            yield Event(last.index, last.time, DOUBT, "interrupted")
         moved = np.hypot(*(result.estimate - result.online)[:, :2].T)
         if moved.size and moved.max() > 1e-3:
-            most = f"moved by up to {moved.max():.2f} m: the violet line"
-            yield Event(last.index, last.time, EVENT, f"map settled in hindsight, the trajectory {most}")
+            text = f"hindsight: moved by {moved.max():.2f} m"
+            yield Event(last.index, last.time, EVENT, text)
         if result.kept is not None and result.kept.trajectory == "online":
-            text = "trajectory of the run kept: the scans do not clearly speak for the settled one"
-            yield Event(last.index, last.time, DOUBT, text)
+            yield Event(last.index, last.time, EVENT, "run's trajectory kept")
         if painted_anew:
-            yield Event(last.index, last.time, EVENT, "floor texture painted anew along the settled trajectory")
+            yield Event(last.index, last.time, EVENT, "texture painted anew")
 
 
 def gaps(recording: Recording) -> Iterator[Event]:
-    """Where sensors fell silent while scans went on, or the lidar itself did."""
+    """Where sensors fell silent while scans went on, or the lidar itself did; those that did so together are one."""
     streams: Sequence[Stream] = recording.streams or (Stream("lidar", recording.stamps),)
     first, end = float(recording.stamps[0]), float(recording.stamps[-1])
+    found: list[tuple[float, float, str]] = []  # since when, for how long, which sensor
     for stream in streams:
         within = stream.stamps[(stream.stamps >= first) & (stream.stamps <= end)]
         silent = np.diff(within)
         if len(silent) < 2:
             continue
         long = np.flatnonzero(silent > max(GAP_SECONDS, GAP_PERIODS * float(np.median(silent))))
-        for k in np.sort(long[np.argsort(silent[long])[::-1][:MOST_GAPS]]):
-            step = int(np.searchsorted(recording.stamps, within[k], side="right")) - 1
-            text = f"{stream.name}: silent for {silent[k]:.1f} s"
-            yield Event(step, float(recording.stamps[step]) - first, DOUBT, text)
+        longest = long[np.argsort(silent[long])[::-1][:MOST_GAPS]]
+        found += [(float(within[k]), float(silent[k]), stream.name) for k in longest]
+    found.sort()
+    while found:
+        since = found[0][0]
+        together = [gap for gap in found if gap[0] - since <= TOGETHER]
+        found = found[len(together) :]
+        names = ", ".join(dict.fromkeys(name for _, _, name in together))
+        step = int(np.searchsorted(recording.stamps, since, side="right")) - 1
+        text = f"{names} silent {max(seconds for _, seconds, _ in together):.1f} s"
+        yield Event(step, float(recording.stamps[step]) - first, DOUBT, text)

@@ -36,15 +36,24 @@ def _rows(result: Result) -> Iterator[Row]:
     n, paths = len(result.stamps), (result.estimate, result.dead_reckoning)
     if result.truth is not None:
         ours, online, theirs = (trajectory_error(result.truth, p) for p in (result.estimate, result.online, paths[1]))
-        yield "error, rmse", *(f"{e.position_rmse:.3f} m, {e.heading_rmse:.2f}°" for e in (ours, theirs))
-        yield "error, worst", *(f"{e.position_max:.3f} m, {e.heading_max:.2f}°" for e in (ours, theirs))
-        yield "error on the way, rmse", f"{online.position_rmse:.3f} m, {online.heading_rmse:.2f}°", ""
+        yield (
+            "error, rmse",
+            _error(ours.position_rmse, ours.heading_rmse),
+            _error(theirs.position_rmse, theirs.heading_rmse),
+        )
+        yield (
+            "error, worst",
+            _error(ours.position_max, ours.heading_max),
+            _error(theirs.position_max, theirs.heading_max),
+        )
+        yield "error on the way, rmse", _error(online.position_rmse, online.heading_rmse), ""
     if result.recording.relations is not None:
         found = [relation_errors(result.recording.relations, result.stamps, p) for p in paths]
-        words = ["" if e is None else f"{e.translation.mean:.3f} m, {e.rotation.mean:.2f}°" for e in found]
+        words = ["" if e is None else _error(e.translation.mean, e.rotation.mean) for e in found]
         yield "error of relations, mean", words[0], words[1]
-    yield "end-to-start gap", *(f"{end_to_start_gap(p):.2f} m" for p in paths)
-    yield "path length", *(f"{geometry.path_length(p):.2f} m" for p in paths)
+    gaps, lengths = ([f"{f(p):.2f} m" for p in paths] for f in (end_to_start_gap, geometry.path_length))
+    yield "end-to-start gap", gaps[0], gaps[1]
+    yield "path length", lengths[0], lengths[1]
     seconds = sum(float(values.sum()) for values in result.seconds.values()) + result.finish_seconds
     recorded = float(result.stamps[-1] - result.stamps[0])
     faster = f", {recorded / seconds:.1f}x real time" if seconds > 0 else ""
@@ -56,3 +65,7 @@ def _rows(result: Result) -> Iterator[Row]:
     yield "loops closed", f"{len(result.closures):,}", ""
     if result.kept is not None:
         yield "kept", f"{result.kept.trajectory} trajectory ({result.kept.sigmas:+.1f} sigmas)", ""
+
+
+def _error(meters: float, degrees: float) -> str:
+    return f"{meters:.3f} m, {degrees:.2f}°"

@@ -5,7 +5,6 @@ and nothing else: the file is complete, and :attr:`Sink.messages` says what happ
 """
 
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
@@ -20,6 +19,7 @@ from pfslam_viz.errors import InputError, PfslamError
 from pfslam_viz.files import replaced
 from pfslam_viz.viewer import stdout_pipe
 from pfslam_viz.viewer.connections import check_answers, serve_at, spawn_viewer
+from pfslam_viz.viewer.destination import Destination
 from pfslam_viz.viewer.stdout_pipe import StdoutPipe
 
 APPLICATION_ID = "pfslam-viz"
@@ -27,23 +27,6 @@ FLUSH_SECONDS = 2.0  # a viewer has this long to take a block before it counts a
 PATIENCE = 3  # slow blocks in a row before it counts as gone
 WRITE_SECONDS = 30.0  # a disk has this long to take a block; Rerun does not always notice that it cannot
 CLOSE_SECONDS = 20.0  # a viewer has this long to take the rest at the end
-
-
-@dataclass
-class _Destination:
-    """One place that data goes to."""
-
-    name: str
-    stream: rr.RecordingStream
-    live: bool
-    to_file: bool = False
-    pipe: StdoutPipe | None = None
-    slow: int = 0
-
-    def close(self, seconds: float) -> bool:
-        """Disconnect; False where it hangs, and is left behind after ``seconds``."""
-        closed = _close_in_time(self.stream, seconds)
-        return (self.pipe is None or self.pipe.close(seconds)) and closed
 
 
 @dataclass
@@ -59,7 +42,7 @@ class Sink:
     messages: list[str] = field(default_factory=list)
     path: Path | None = None
     on_message: Callable[[str], None] | None = None
-    _destinations: list[_Destination] = field(default_factory=list)
+    _destinations: list[Destination] = field(default_factory=list)
     _closers: list[Callable[[], None]] = field(default_factory=list)
     _written: Path | None = None
 
@@ -150,7 +133,7 @@ class Sink:
             d.close(1.0)
             raise PfslamError("nobody reads standard output any more: the run has ended")
 
-    def _drop(self, destination: _Destination, why: str) -> None:
+    def _drop(self, destination: Destination, why: str) -> None:
         rest = [d for d in self._destinations if d is not destination]
         to = f"; {self.path} is still being written" if self.path is not None else ""
         self._destinations = rest
@@ -172,21 +155,6 @@ class Sink:
             d = self._destinations.pop()
             if not d.close(CLOSE_SECONDS):
                 self.say(f"{d.name} did not take everything within {CLOSE_SECONDS:.0f} s")
-
-
-_ABANDONED: list[rr.RecordingStream] = []
-
-
-def _close_in_time(stream: rr.RecordingStream, seconds: float) -> bool:
-    """Disconnect; a destination that hangs is left behind after ``seconds`` (False)."""
-    thread = threading.Thread(target=stream.disconnect, daemon=True)
-    thread.start()
-    thread.join(seconds)
-    if thread.is_alive():
-        _ABANDONED.append(stream)  # dropping it would wait for the viewer, and so would Rerun's exit hook
-        rr.unregister_shutdown()
-        return False
-    return True
 
 
 @contextmanager
@@ -242,7 +210,7 @@ def open_sinks(
         to_file: bool = False,
         pipe: StdoutPipe | None = None,
     ) -> None:
-        sink._destinations.append(_Destination(name, opened, live, to_file, pipe))
+        sink._destinations.append(Destination(name, opened, live, to_file, pipe))
 
     served: str | None = None
     with ExitStack() as files:

@@ -64,7 +64,7 @@ def scale_bar_path(run: str, camera: str) -> str:
 def _scale_bar(center: tuple[float, float], width: float, height: float) -> rr.LineStrips3D:
     """A line of round length, with ticks at its ends, in the lower left corner of a piece of floor."""
     length, tick = round_length(width / 5), height / 80
-    left, y = center[0] - 0.46 * width, center[1] - 0.45 * height
+    left, y = center[0] - 0.46 * width, center[1] - 0.4 * height
     bar = [[left, y + tick], [left, y - tick], [left, y], [left + length, y], [left + length, y + tick]]
     bar += [[left + length, y - tick]]
     text = f"{length:g} m" if length >= 1 else f"{100 * length:g} cm"
