@@ -72,6 +72,28 @@ def test_two_runs_share_a_file(
     assert colors[0] != colors[1]
 
 
+def test_runs_are_comparable_at_a_glance(
+    corridor: "Corridor", replays: list[Any], read_back: "type[Readable]", tmp_path: Path
+) -> None:
+    """N_eff as a share of the particles, close-ups beside each other, and each configuration in its own colour."""
+    with open_sinks(save=tmp_path / "cmp.rrd") as sink:
+        compare(corridor.recording, [config("paper"), config("b"), config("default")], sink)
+    file = read_back(tmp_path / "cmp.rrd")
+    share = [1 / (s.estimate.weights**2).sum() / len(s.estimate.weights) for s in replays[1].steps]
+    assert [row["scalars"][0] for row in file.temporal("plots/n_eff/b")] == pytest.approx(share)
+    assert not file.temporal("plots/n_eff/b/resampled")  # after every scan: marks would say nothing
+    colors = {name: file.static(f"plots/n_eff/{name}", "colors")[0] >> 8 for name in ("paper", "b", "default")}
+    assert colors["default"] == 0x006EDC and colors["paper"] == 0xEBAC00 and len(set(colors.values())) == 3
+    names = [view.name for view in file.views()]
+    assert {f"{name}: round the robot (9 m)" for name in colors} < set(names)
+    (n_eff,) = {view.name for view in file.views() if "plots/n_eff/b" in view.contents}
+    assert n_eff == "N_eff as a share of the particles"
+    events = {row["text"][0].split()[0] for name in colors for row in file.rows(f"events/{name}")}
+    assert events == set(colors)
+    about = file.static("about", "text")[0]
+    assert "| | paper | b | default | dead reckoning |" in about
+
+
 def test_it_stops_between_scans(
     corridor: "Corridor", replays: list[Any], read_back: "type[Readable]", tmp_path: Path
 ) -> None:
