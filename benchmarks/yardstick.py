@@ -1,7 +1,7 @@
 """One configuration over many kinds of recordings: how far off it is while driving ("online") and in hindsight.
 
-python -m benchmarks.yardstick --data DIR --scratch DIR --seeds 3
-python -m benchmarks.yardstick --data DIR --only thinned --seeds 5 --set loop_closing.enabled=false
+python -m benchmarks yardstick --data DIR --scratch DIR --seeds 3
+python -m benchmarks yardstick --data DIR --only thinned --seeds 5 --set loop_closing.enabled=false
 
 Where the truth or a reference is known, the error is the rmse of position with the first poses laid over each other
 ("shape" is that of the settled trajectory after the best rigid fit: references of real drives have first poses that are
@@ -93,7 +93,7 @@ class Outcome:
 def main(arguments: list[str]) -> None:
     """Print a row for every recording as soon as it is done."""
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.yardstick", description=(__doc__ or "").split("\n\n")[0]
+        prog="python -m benchmarks yardstick", description=(__doc__ or "").split("\n\n")[0]
     )
     parser.add_argument("--data", type=Path, required=True, help="folder with thinned/, cases/, carmen/, twin21/")
     parser.add_argument("--scratch", type=Path, help="folder to keep simulated recordings in")
@@ -213,7 +213,3 @@ def row(label: str, outcomes: list[Outcome]) -> str:
         each(f"{o.speed:.0f}" for o in outcomes),
     )
     return "| " + " | ".join(cells) + " |"
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])
