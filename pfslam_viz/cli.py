@@ -20,6 +20,7 @@ PROGRAM = "pfslam-viz"
 
 # Panels of --help.
 SINKS, FILTER, SCANS, DETAIL = "Where it goes", "The filter", "The recording", "Size and detail"
+CAMERA = "The camera"
 RUN, JUDGE, RECORDINGS = "Replay", "Judge", "Recordings"
 
 app = typer.Typer(
@@ -51,8 +52,13 @@ DataOpt = Annotated[
     ),
 ]
 RobotOpt = Annotated[
-    str,
-    typer.Option("--robot", metavar="NAME|PATH", help="Robot file of an ECE276A set.", rich_help_panel=SCANS),
+    str | None,
+    typer.Option(
+        "--robot",
+        metavar="NAME|PATH",
+        help="Robot file of an ECE276A set.  [dim]robot.toml beside it, else ece276a[/dim]",
+        rich_help_panel=SCANS,
+    ),
 ]
 ScanTopicOpt = Annotated[
     str | None,
@@ -184,7 +190,7 @@ def replay(
     particles: ParticlesOpt = None,
     seed: SeedOpt = None,
     data: DataOpt = None,
-    robot: RobotOpt = "ece276a",
+    robot: RobotOpt = None,
     start: StartOpt = 0,
     stop: StopOpt = None,
     stride: StrideOpt = 1,
@@ -226,7 +232,7 @@ def recordings(data: DataOpt = None, json: JsonOpt = False) -> None:
 def info(
     recording: RecordingArg,
     data: DataOpt = None,
-    robot: RobotOpt = "ece276a",
+    robot: RobotOpt = None,
     scan_topic: ScanTopicOpt = None,
     odom_topic: OdomTopicOpt = None,
     base_frame: BaseFrameOpt = None,
@@ -284,11 +290,44 @@ def simulate(
         float | None,
         typer.Option("--gyro-bias", metavar="RAD/S", help="The gyro's bias.  [dim]drawn, as measured[/dim]"),
     ] = None,
+    camera_pitch: Annotated[
+        float | None,
+        typer.Option("--camera-pitch", metavar="DEG", help="True pitch.  [dim]as told[/dim]", rich_help_panel=CAMERA),
+    ] = None,
+    camera_roll: Annotated[
+        float | None,
+        typer.Option("--camera-roll", metavar="DEG", help="True roll.  [dim]as told[/dim]", rich_help_panel=CAMERA),
+    ] = None,
+    camera_height: Annotated[
+        float | None,
+        typer.Option(
+            "--camera-height",
+            metavar="M",
+            help="True height.  [dim]as told[/dim]",
+            rich_help_panel=CAMERA,
+        ),
+    ] = None,
+    disparity_noise: Annotated[
+        float, typer.Option("--disparity-noise", help="Spread in steps; a real one has 1.25.", rich_help_panel=CAMERA)
+    ] = 0.0,
+    disparity_holes: Annotated[
+        float, typer.Option("--disparity-holes", help="Share; a real one has 0.01.", rich_help_panel=CAMERA)
+    ] = 0.0,
+    exposure_drift: Annotated[
+        float, typer.Option("--exposure-drift", help="Brighter and darker by this share.", rich_help_panel=CAMERA)
+    ] = 0.0,
+    motion_blur: Annotated[
+        float, typer.Option("--motion-blur", metavar="S", help="The shutter is open so long.", rich_help_panel=CAMERA)
+    ] = 0.0,
 ) -> None:
     """Make a recording with known truth: a robot drives through a simulated building."""
     from pfslam_viz.commands import simulate as command
+    from pfslam_viz.simulation.camera_errors import CameraErrors
 
-    command.run(out, seed, duration, building, frames, wheel_scale, slip, gyro_bias)
+    camera = CameraErrors(
+        camera_pitch, camera_roll, camera_height, disparity_noise, disparity_holes, exposure_drift, motion_blur
+    )
+    command.run(out, seed, duration, building, frames, wheel_scale, slip, gyro_bias, camera)
 
 
 @app.command(
@@ -307,7 +346,7 @@ def evaluate(
         bool, typer.Option("--paper/--no-paper", help="Run the paper's filter beside it.", rich_help_panel=FILTER)
     ] = True,
     data: DataOpt = None,
-    robot: RobotOpt = "ece276a",
+    robot: RobotOpt = None,
     start: StartOpt = 0,
     stop: StopOpt = None,
     stride: StrideOpt = 1,
@@ -352,7 +391,7 @@ def compare(
     connect: ConnectOpt = None,
     stdout: StdoutOpt = False,
     data: DataOpt = None,
-    robot: RobotOpt = "ece276a",
+    robot: RobotOpt = None,
     start: StartOpt = 0,
     stop: StopOpt = None,
     stride: StrideOpt = 1,
@@ -390,7 +429,7 @@ def figures(
     particles: ParticlesOpt = None,
     seed: SeedOpt = None,
     data: DataOpt = None,
-    robot: RobotOpt = "ece276a",
+    robot: RobotOpt = None,
     start: StartOpt = 0,
     stop: StopOpt = None,
     stride: StrideOpt = 1,

@@ -1,7 +1,7 @@
 """The loop: a recording goes in, a Step for every scan comes out."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,7 @@ from pfslam_viz import geometry
 from pfslam_viz.config import Config
 from pfslam_viz.errors import PfslamError
 from pfslam_viz.recordings.checking.check import check, refuse_wrong
+from pfslam_viz.recordings.findings import Finding
 from pfslam_viz.recordings.motion import twists as twists_of
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.slam.backends import make_slam
@@ -23,7 +24,7 @@ from pfslam_viz.slam.worker import Worker, cores
 from pfslam_viz.step import Step
 
 if TYPE_CHECKING:
-    from pfslam_viz.texture import FloorTexture, SkippedFrames, TexturePainter
+    from pfslam_viz.texture import FloorCamera, FloorTexture, SkippedFrames, TexturePainter
 
 Array = NDArray[np.float64]
 
@@ -53,6 +54,7 @@ class Result:
         kept: whether the estimate is the settled trajectory or the one of the run, if there was a choice.
         texture: the floor texture, if it was painted.
         skipped_frames: how many colour frames were not painted, by reason, if any were to be.
+        camera: which camera the floor was painted with, and what the images say of it, if it was painted.
     """
 
     recording: Recording
@@ -73,6 +75,7 @@ class Result:
     kept: Kept | None = None
     texture: "FloorTexture | None" = None
     skipped_frames: "SkippedFrames | None" = None
+    camera: "FloorCamera | None" = None
 
     @property
     def hollow(self) -> str | None:
@@ -113,12 +116,12 @@ class Replay:
         if not recording.checked:
             recording = check(recording)
             refuse_wrong(recording, "checking.check.check(recording) beforehand")
-        self.recording = recording
         self.config = config
         self._worker = Worker(cores() if threads is None else threads)
         self.slam = make_slam(config, self._worker)
         self.dead_reckoning_grid = BackgroundGrid(config.map, self._worker)
         self.painter = _painter(recording, config, self.slam) if texture else None
+        self.recording = _with_note(recording, self.painter.camera.note if self.painter else None)
         self.truth = _truth_from_start(recording)
         self._dead_reckoning = recording.dead_reckoning()
         self._online = np.zeros((len(recording), 3))
@@ -229,6 +232,7 @@ class Replay:
             kept=self.slam.kept,
             texture=self._texture,
             skipped_frames=None if self.painter is None else self.painter.skipped,
+            camera=None if self.painter is None else self.painter.camera,
         )
 
 
@@ -239,6 +243,14 @@ def _painter(recording: Recording, config: Config, slam: Slam) -> "TexturePainte
     from pfslam_viz.texture import TexturePainter
 
     return TexturePainter(recording.frames, config.texture, slam.grid.cell, keep=slam.settles)
+
+
+def _with_note(recording: Recording, note: str | None) -> Recording:
+    """The recording with what was found of its camera, which is no more than a note."""
+    if note is None or note in recording.notes:
+        return recording
+    finding = Finding("note", "camera", note)
+    return replace(recording, notes=(*recording.notes, note), findings=(*recording.findings, finding))
 
 
 def _truth_from_start(recording: Recording) -> Array | None:

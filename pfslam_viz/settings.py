@@ -60,6 +60,9 @@ class TextureConfig(Section):
     """The floor texture map, section K."""
 
     enabled: bool = setting(True, "paint the floor, if the recording has images of it")
+    camera: Literal["fitted", "filed"] = setting(
+        "fitted", "pitch, roll and height by the floor in the images, or as the robot file has them"
+    )
     floor_tolerance: float = setting(0.05, "a point within this height of z = 0 is floor", "m", gt=0)
     max_range: float = setting(4.0, "floor is painted up to so far ahead of the camera", "m", gt=0)
 

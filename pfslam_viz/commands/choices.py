@@ -22,7 +22,7 @@ class RecordingChoice:
 
     name: str
     data: Path | None = None
-    robot: str = "ece276a"
+    robot: str | None = None
     start: int = 0
     stop: int | None = None
     stride: int = 1
@@ -169,6 +169,7 @@ class SinkChoice:
         if self.stdout and sys.stdout.isatty():
             raise InputError("--stdout writes binary data: redirect it to a file or a program")
         if self.save is not None:
+            _refuse_film(self.save)
             check_writable(self.save)
 
     def check_screen(self) -> None:
@@ -178,6 +179,18 @@ class SinkChoice:
                 "there is no screen to open the viewer on: pass --save out.rrd to write a recording, --serve or"
                 " --connect URL to watch it elsewhere"
             )
+
+
+FILMS = (".mp4", ".webm", ".gif", ".webp", ".mov", ".avi", ".mkv", ".png", ".jpg", ".jpeg")
+
+
+def _refuse_film(path: Path) -> None:
+    """Raise InputError for a file whose name promises a film or a picture: what is written is a Rerun recording."""
+    if path.suffix.lower() in FILMS:
+        raise InputError(
+            f"--save {path}: a Rerun recording is written, no film or picture: pass --save {path.with_suffix('.rrd')}"
+            " and open it in the viewer"
+        )
 
 
 def has_screen() -> bool:

@@ -4,8 +4,10 @@ The viewer starts every ``rerun-importer-*`` it finds for every file it is asked
 path that is not ours is refused, by its name alone, before anything heavy is imported.
 """
 
+import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from pfslam_viz.recordings import formats
@@ -37,9 +39,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return NOT_OURS
     from pfslam_viz.errors import PfslamError
     from pfslam_viz.recordings.catalog import is_recording
+    from pfslam_viz.viewer.stdout_pipe import when_unread
 
     if not is_recording(given.path):
         return NOT_OURS
+    when_unread(_leave)
     try:
         _replay(given.path, given.application_id, given.recording_id, given.config)
     except PfslamError as error:
@@ -75,6 +79,13 @@ def _replay(path: Path, application: str | None, recording_id: str | None, confi
     with open_sinks(stdout=True, application_id=application or APPLICATION_ID, recording_id=recording_id) as sink:
         stream = replay_stream(recording, config, sink)
         stream.finish(run(recording, config, on_step=stream.log))
+
+
+def _leave() -> None:
+    """The viewer was closed: end at once, whatever is going on; nothing is kept but what it was sent."""
+    with suppress(OSError):
+        os.write(2, b"rerun-importer-pfslam: the viewer has gone: the run has ended\n")
+    os._exit(1)
 
 
 if __name__ == "__main__":

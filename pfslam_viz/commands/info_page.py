@@ -59,6 +59,7 @@ def _sensors(about: Description) -> Iterator[tuple[str, str]]:
         yield "IMU", f"{imu['samples']:,} readings{_rate(imu)}"
     if frames := _part(about, "frames"):
         yield "camera", f"{frames['colour']} colour and {frames['disparity']} disparity frames"
+        yield "", str(_part(about, "camera")["text"])
     else:
         yield "camera", "none"
     known = []

@@ -30,7 +30,7 @@ def run_list(data: Path | None, as_json: bool) -> None:
 
 
 def run_info(
-    name: str, data: Path | None, robot: str, as_json: bool, verbose: bool = False, **options: str | None
+    name: str, data: Path | None, robot: str | None, as_json: bool, verbose: bool = False, **options: str | None
 ) -> None:
     """Print what is inside one recording: a page, everything if ``verbose``, or everything as JSON."""
     from pfslam_viz.commands.info_page import info_page

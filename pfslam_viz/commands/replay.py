@@ -109,6 +109,9 @@ def _replay(recording: Recording, config: Config, stream: "ReplayStream | None",
     """Run the filter until the last scan or Ctrl-C; also the seconds that logging took."""
     log_seconds = 0.0
     replay = Replay(recording, config)
+    if not quiet:
+        for note in replay.recording.notes[len(recording.notes) :]:
+            console.tell(f"note: {note}")
     with replay_progress(recording, quiet) as progress, stop_on_interrupt() as stopped:
         for step in replay:
             if stream is not None:

@@ -2,9 +2,13 @@
 
 from pathlib import Path
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 from pfslam_viz import console
 from pfslam_viz.files import check_writable
+
+if TYPE_CHECKING:
+    from pfslam_viz.simulation.camera_errors import CameraErrors
 
 
 def run(
@@ -16,6 +20,7 @@ def run(
     wheel_scale: float,
     slip: float,
     gyro_bias: float | None,
+    camera: "CameraErrors",
 ) -> None:
     """Write the recording into the folder ``out``."""
     from pfslam_viz.simulation.recording import simulate
@@ -32,6 +37,7 @@ def run(
             wheel_scale=wheel_scale,
             slip=slip,
             gyro_bias=gyro_bias,
+            camera=camera,
         )
     console.results().print(
         f"{out}: a drive through '{building}', seed {seed}, made in {perf_counter() - started:.1f} s;"

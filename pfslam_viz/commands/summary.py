@@ -38,7 +38,7 @@ def summary(
     if file is not None:
         run.add_row("recording", f"{file.name}, {file.stat().st_size / 1e6:.1f} MB")
     for phrase in left_out:
-        run.add_row("left out", phrase)
+        run.add_row("holds", phrase)
     return Group(paths, run)
 
 
@@ -108,6 +108,8 @@ def _run(result: Result, seconds: float, log_seconds: float) -> Iterator[tuple[s
     yield "resampled", f"after {result.resamplings:,} of {n:,} scans"
     if result.kept is not None:
         yield "kept", _kept(result.kept)
+    if result.camera is not None:
+        yield "camera", result.camera.text
     if result.uninformative:
         yield "no match", f"{result.uninformative:,} of {n:,} scans had no correlation with the map"
 

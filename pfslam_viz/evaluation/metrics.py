@@ -62,6 +62,7 @@ def metrics(result: Result) -> dict[str, Any]:
         "resamplings": result.resamplings,
         "uninformative": result.uninformative,
         "frames": _frames(result),
+        "camera": None if result.camera is None else result.camera.as_dict(),
         "speed": speed(result),
     }
     plain: dict[str, Any] = finite(values)

@@ -50,7 +50,7 @@ def recordings_dir() -> Path:
 def load_recording(
     name_or_path: str | Path,
     data: Path | None = None,
-    robot: str | Path = "ece276a",
+    robot: str | Path | None = None,
     *,
     force: bool = False,
     **options: str | None,
@@ -62,7 +62,8 @@ def load_recording(
     Args:
         name_or_path: a name; or the path of a file, or of a folder that holds one recording.
         data: the folder to look a name up in, instead of :func:`recordings_dir`.
-        robot: geometry for the course's sets: a shipped name or the path of a TOML file.
+        robot: geometry for the course's sets: a shipped name or the path of a TOML file; None is ``robot.toml`` beside
+            the set's files, else the course's robot.
         force: whether to give it back even if it was found to be wrong.
         options: the other fields of :class:`~pfslam_viz.recordings.formats.LoadOptions`, for formats that read them.
 

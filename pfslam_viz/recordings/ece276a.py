@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pfslam_viz.config import load_robot
 from pfslam_viz.errors import InputError
 from pfslam_viz.recordings import npz
 from pfslam_viz.recordings.beam_angles import beam_angles, increment_of
 from pfslam_viz.recordings.checking import units
 from pfslam_viz.recordings.ece276a_frames import KINECT, read_frames
 from pfslam_viz.recordings.recording import Lidar, Recording, Stream, Trajectory
+from pfslam_viz.recordings.robot_beside import robot_of
 from pfslam_viz.recordings.stamps import distinct_scans, order
 from pfslam_viz.recordings.wheel_odometry import WheelOdometry
 from pfslam_viz.robot import Robot
@@ -95,16 +95,16 @@ def load(path: Path, number: int | str | None = None, robot: Robot | None = None
     Args:
         path: a folder (see the module's text) or one of a set's files, such as Hokuyo21.npz.
         number: which set, if the folder holds several.
-        robot: its geometry; the course's robot by default.
+        robot: its geometry; by default ``robot.toml`` beside the files, else the course's robot.
         name: what to call the recording; the set's number by default.
 
     Raises:
         InputError: a file is missing, damaged, lacks a key, or holds arrays that do not fit each other.
     """
-    robot = robot or load_robot()
     folder, set_name = locate(path, None if number is None else str(number))
     if missing := missing_files(folder, set_name):
         raise InputError(f"{folder}: set {set_name} lacks {', '.join(missing)}")
+    robot = robot or robot_of(folder, set_name)
     notes: list[str] = []
     scans = _read_scans(folder / f"Hokuyo{set_name}.npz", robot, notes)
     sensors = read_sensors(folder, set_name, robot)

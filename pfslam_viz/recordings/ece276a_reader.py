@@ -7,6 +7,7 @@ from pfslam_viz.errors import InputError
 from pfslam_viz.recordings import ece276a, npz
 from pfslam_viz.recordings.formats import Format, Glance, LoadOptions, Place, Reader, WithoutScans
 from pfslam_viz.recordings.recording import Recording
+from pfslam_viz.recordings.robot_beside import robot_of
 
 _SENSORS = {"Hokuyo": "lidar", "Encoders": "encoders", "Imu": "IMU", "Kinect": "colour and disparity"}
 
@@ -16,7 +17,8 @@ class SetReader(Reader):
 
     def load(self, place: Place, options: LoadOptions) -> Recording:
         """As :func:`pfslam_viz.recordings.ece276a.load`."""
-        return ece276a.load(place.path, place.number, load_robot(options.robot), place.name)
+        robot = None if options.robot is None else load_robot(options.robot)
+        return ece276a.load(place.path, place.number, robot, place.name)
 
     def find(self, folder: Path, row: Format) -> list[Place]:
         """The sets in the folder and in ``data/`` below; of one that is in both, the more complete half."""
@@ -62,7 +64,9 @@ class SetReader(Reader):
         lidar = f"Hokuyo{place.number}.npz"
         if self.missing(place) != [lidar]:
             return None
-        sensors = ece276a.read_sensors(place.path, place.number or "", load_robot(options.robot))
+        number = place.number or ""
+        robot = robot_of(place.path, number) if options.robot is None else load_robot(options.robot)
+        sensors = ece276a.read_sensors(place.path, number, robot)
         trajectory = sensors.odometry.dead_reckoning()
         notes = [f"{lidar} is not here: there are no scans, so it cannot be replayed", *sensors.notes]
         early = float(trajectory.stamps[-1]) - float(sensors.odometry.gyro_stamps[-1])

@@ -21,19 +21,20 @@ class LoadOptions:
     """What a user may say about how to read a recording; None leaves it to the recording.
 
     Attributes:
-        robot: geometry of the robot, a shipped name or the path of a TOML file.
+        robot: geometry of the robot, a shipped name or the path of a TOML file; None is ``robot.toml`` beside the
+            recording, else the course's robot.
         scan_topic: which of several streams of scans, of a log with topics.
         odom_topic: which stream of odometry.
         base_frame: which frame is the robot's.
     """
 
-    robot: str | Path = "ece276a"
+    robot: str | Path | None = None
     scan_topic: str | None = None
     odom_topic: str | None = None
     base_frame: str | None = None
 
     def given(self) -> list[str]:
-        """The names of those that a user has set, without the robot, which has a default."""
+        """The names of those that a user has set, without the robot, which is not of a format."""
         return [f.name for f in fields(self) if f.name != "robot" and getattr(self, f.name) is not None]
 
 

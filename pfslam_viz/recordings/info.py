@@ -18,7 +18,7 @@ Description = dict[str, object]
 
 
 def describe_path(
-    name_or_path: str | Path, data: Path | None = None, robot: str | Path = "ece276a", **options: str | None
+    name_or_path: str | Path, data: Path | None = None, robot: str | Path | None = None, **options: str | None
 ) -> Description:
     """What is inside a recording; of one that lacks just its scans, what its other sensors tell.
 
@@ -75,13 +75,20 @@ def describe(recording: Recording) -> Description:
         "streams": _streams(recording.streams or (Stream("lidar", recording.stamps),), first),
         "odometry": _path(recording.dead_reckoning()),
     }
+    findings = list(recording.findings)
     if recording.frames is not None:
+        from pfslam_viz.texture import find_camera
+
         out["frames"] = _frames(recording.frames)
+        camera = find_camera(recording.frames)
+        out["camera"] = camera.as_dict() | {"text": camera.text}
+        if camera.note:
+            findings.append(Finding("note", "camera", camera.note))
     if recording.truth is not None:
         out["truth"] = {"poses": len(recording.truth.stamps), **_path(recording.truth.poses)}
     if recording.relations is not None:
         out["relations"] = _relations(recording.relations, recording)
-    out["findings"] = [finding.as_dict() for finding in in_order(recording.findings)]
+    out["findings"] = [finding.as_dict() for finding in in_order(findings)]
     out["notes"] = list(recording.notes)
     return out
 

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from pfslam_viz import geometry
 from pfslam_viz.errors import PfslamError
 from pfslam_viz.robot import CameraGeometry, Robot
+from pfslam_viz.simulation.camera_errors import NO_READING, CameraErrors
 from pfslam_viz.simulation.drive import Drive
 from pfslam_viz.simulation.floor import floor_color
 from pfslam_viz.simulation.world import Array, World
 
 FRAME_PERIOD = 0.4  # s: every 12th of a 30 Hz stream
 FARTHEST = 8.0  # m; the sensor sees no farther
-NO_READING = 2047  # the Kinect's own code
 
 # The colour pixel of a depth pixel is ((526.37 u - 4.5 * 1750.46 dd + 19276) / 585.051, (526.37 v + 16662) / 585.051).
 # With u = fx X / Z + cx, fx = 585.051 and dd = 1.03 / Z that is 526.37 (X - BASELINE) / Z + a constant.
@@ -67,11 +67,19 @@ def render_color(eye: Eye, world: World, pose: Array) -> NDArray[np.uint8]:
     return image
 
 
-def render_disparity(eye: Eye, world: World, pose: Array) -> NDArray[np.uint16]:
-    """The (rows, columns) disparity image from the robot's ``pose`` (3,)."""
+def render_disparity(
+    eye: Eye, world: World, pose: Array, errors: CameraErrors | None = None, rng: np.random.Generator | None = None
+) -> NDArray[np.uint16]:
+    """The (rows, columns) disparity image from the robot's ``pose`` (3,), in whole steps as the sensor's.
+
+    With ``errors`` it has their noise and holes, drawn from ``rng``.
+    """
     depth, _ = _see(eye, world, pose)
-    disparity = np.round((3.31 - 1.03 / depth) / 0.00304)
-    return np.where((depth <= FARTHEST) & (disparity >= 0), disparity, NO_READING).astype(np.uint16)
+    disparity = np.where(depth <= FARTHEST, (3.31 - 1.03 / depth) / 0.00304, NO_READING)
+    if errors is not None:
+        disparity = errors.disturb(disparity, rng or np.random.default_rng())
+    disparity = np.round(disparity)
+    return np.where((disparity >= 0) & (disparity < NO_READING), disparity, NO_READING).astype(np.uint16)
 
 
 def _see(eye: Eye, world: World, pose: Array) -> tuple[Array, NDArray[np.int32]]:
@@ -96,29 +104,41 @@ def _see(eye: Eye, world: World, pose: Array) -> tuple[Array, NDArray[np.int32]]
 
 
 def film(
-    folder: Path, number: int, world: World, drive: Drive, robot: Robot, rng: np.random.Generator
+    folder: Path,
+    number: int,
+    world: World,
+    drive: Drive,
+    robot: Robot,
+    rng: np.random.Generator,
+    errors: CameraErrors | None = None,
 ) -> tuple[Array, Array]:
     """Write ``RGB<number>/`` and ``Disparity<number>/`` of a drive; the colour (a,) and disparity (b,) times in s.
 
-    Each image is what its camera sees at its own time; the two cameras are up to 10 ms apart. Raises PfslamError if
-    the robot has no camera.
+    Each image is what its camera sees at its own time; the two cameras are up to 10 ms apart. The camera is the
+    robot's but for its ``errors``. Raises PfslamError if the robot has no camera.
     """
     camera = robot.ground_camera()
     if camera is None:
         raise PfslamError("the robot has no camera to film with")
-    color_eye, depth_eye = eyes(camera)
+    errors = errors or CameraErrors()
+    color_eye, depth_eye = eyes(errors.mounted(camera))
     late = drive.duration - 0.5 * drive.still_after
     disparity_times = np.arange(0.5 * drive.still_before, late, FRAME_PERIOD)
     disparity_times = disparity_times + rng.uniform(-0.01, 0.01, len(disparity_times))
     color_times = disparity_times[:-1] + rng.uniform(-0.01, 0.01, len(disparity_times) - 1)
+    seeds = rng.integers(0, 2**63, len(disparity_times) + 1)  # of each image's own noise: two threads draw it
 
     def write(what: str, index: int, time: float) -> None:
-        pose = drive.at(np.array([time]))[0]
         image: NDArray[np.uint8] | NDArray[np.uint16]
         if what == "RGB":
-            image = np.ascontiguousarray(render_color(color_eye, world, pose)[..., ::-1])
+            parts = [render_color(color_eye, world, pose) for pose in drive.at(errors.shutter(time))]
+            rgb = parts[0] if len(parts) == 1 else np.mean(parts, axis=0)
+            if (gain := errors.gain(time)) != 1.0 or len(parts) > 1:
+                rgb = np.clip(np.rint(gain * rgb), 0, 255).astype(np.uint8)
+            image = np.ascontiguousarray(rgb[..., ::-1])
         else:
-            image = render_disparity(depth_eye, world, pose)
+            noise = np.random.default_rng(seeds[index])
+            image = render_disparity(depth_eye, world, drive.at(np.array([time]))[0], errors, noise)
         _write_png(folder / f"{what}{number}" / f"{what.lower()}{number}_{index}.png", image)
 
     for what in ("RGB", "Disparity"):

@@ -12,9 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from pfslam_viz.config import load_robot
+from pfslam_viz.config import configs_dir, find_config, load_robot
 from pfslam_viz.errors import InputError
+from pfslam_viz.recordings.robot_beside import BESIDE
 from pfslam_viz.simulation.buildings import build
+from pfslam_viz.simulation.camera_errors import CameraErrors
 from pfslam_viz.simulation.drive import DriveConfig, drive_along
 from pfslam_viz.simulation.manifest import MANIFEST, VERSION, manifest_of
 from pfslam_viz.simulation.sensors import (
@@ -46,11 +48,13 @@ def simulate(
     wheel_scale: float = 1.0,
     slip: float = 0.01,
     gyro_bias: float | None = None,
+    camera: CameraErrors | None = None,
 ) -> Path:
     """Make a recording in the folder ``out``, which appears complete or not at all; the same seed, the same bytes.
 
     ``ground_truth.npz`` beside the sensors' files holds ``time_stamps`` (n,) s and ``pose`` (n, 3), the rear axle at
-    every lidar stamp in the frame of its pose at rest, and ``walls`` (m, 4) in that frame.
+    every lidar stamp in the frame of its pose at rest, and ``walls`` (m, 4) in that frame. ``robot.toml`` is the robot
+    that the recording tells, with which it is read.
 
     Args:
         out: the folder to make. It may exist if it is empty or holds a simulated recording, which is replaced.
@@ -59,6 +63,7 @@ def simulate(
         building: ``office``, ``ring`` or ``hallway``.
         frames: whether to render colour and disparity images.
         wheel_scale, slip, gyro_bias: see :class:`~pfslam_viz.simulation.sensors.SensorErrors`.
+        camera: how the camera differs from what ``robot.toml`` says of it.
 
     Returns:
         ``out``.
@@ -75,10 +80,11 @@ def simulate(
     world = build(building, plan_rng)
     drive = drive_along(world.route, drive_rng, DriveConfig(), duration)
     world, drive = world.seen_from(drive.poses[0]), drive.seen_from(drive.poses[0])
-    robot = load_robot()
+    told, camera = find_config("ece276a", "robot", configs_dir() / "robots"), camera or CameraErrors()
+    robot = load_robot(told)
     manifest = {
         "generator": VERSION, "building": building, "seed": seed, "duration": duration, "frames": frames,
-        "errors": asdict(errors),
+        "errors": asdict(errors), "camera": asdict(camera),
     }  # fmt: skip
 
     with _folder_in_place(out) as folder:
@@ -103,11 +109,12 @@ def simulate(
         if frames:
             from pfslam_viz.simulation.kinect import film
 
-            color, disparity = film(folder / "dataRGBD", SET, world, drive, robot, camera_rng)
+            color, disparity = film(folder / "dataRGBD", SET, world, drive, robot, camera_rng, camera)
             _save(
                 folder / f"Kinect{SET}.npz",
                 disparity_time_stamps=EPOCH + disparity, rgb_time_stamps=EPOCH + color,
             )  # fmt: skip
+        shutil.copyfile(told, folder / BESIDE)
         (folder / MANIFEST).write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
     return out
 

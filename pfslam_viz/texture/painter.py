@@ -11,6 +11,7 @@ from pfslam_viz import geometry
 from pfslam_viz.recordings.images import UnusableImage, read_image
 from pfslam_viz.recordings.recording import Frames
 from pfslam_viz.settings import TextureConfig
+from pfslam_viz.texture.floor_camera import FloorCamera, find_camera
 from pfslam_viz.texture.floor_texture import FloorTexture
 from pfslam_viz.texture.kinect import FloorView
 
@@ -52,14 +53,27 @@ class TexturePainter:
     """Paints the floor as the filter goes: tell it every pose, in order, and ask for :attr:`texture`.
 
     Each colour frame goes with the disparity frame nearest in time, and with the pose at the disparity's stamp, linear
-    between the scans before and after. Frames that cannot be used are counted in :attr:`skipped`.
+    between the scans before and after. Frames that cannot be used are counted in :attr:`skipped`. The camera is
+    :attr:`camera`, found in the frames or as filed, as the configuration wants it.
     """
 
-    def __init__(self, frames: Frames, config: TextureConfig, cell: float, *, keep: bool = False) -> None:
-        """``keep`` the first images, up to :data:`KEPT_BYTES`, so that :meth:`repaint` need not read them again."""
+    def __init__(
+        self,
+        frames: Frames,
+        config: TextureConfig,
+        cell: float,
+        *,
+        keep: bool = False,
+        camera: FloorCamera | None = None,
+    ) -> None:
+        """``keep`` the first images, up to :data:`KEPT_BYTES`, so that :meth:`repaint` need not read them again.
+
+        ``camera`` is one that was found before.
+        """
         self.frames = frames
         self.config = config
-        self.texture = FloorTexture(frames.camera, config, cell)
+        self.camera = camera or find_camera(frames, config.camera)
+        self.texture = FloorTexture(self.camera.geometry, config, cell)
         self.skipped = SkippedFrames()
         self.painted = 0
         self.pairs = pair(frames.color_stamps, frames.disparity_stamps)
@@ -107,7 +121,7 @@ class TexturePainter:
 
     def repaint(self, stamps: ArrayLike, poses: ArrayLike) -> FloorTexture:
         """Paint anew along a whole trajectory, poses (n, 3) at increasing stamps (n,) s, as known in hindsight."""
-        fresh = TexturePainter(self.frames, self.config, self.texture.cell)
+        fresh = TexturePainter(self.frames, self.config, self.texture.cell, camera=self.camera)
         fresh._kept, self._kept = self._kept, {}
         for stamp, pose in zip(np.asarray(stamps, np.float64), np.asarray(poses, np.float64), strict=True):
             fresh.add_pose(float(stamp), pose)

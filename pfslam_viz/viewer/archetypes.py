@@ -8,7 +8,7 @@ import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
-from pfslam_viz.viewer.contents import Boxes, Cells, Content, Lines
+from pfslam_viz.viewer.contents import Boxes, Cells, Content, Lines, Note
 from pfslam_viz.viewer.entities import WEIGHT_RAMP
 from pfslam_viz.viewer.scan_batch import Ragged, ScanBatch, stride
 
@@ -17,9 +17,9 @@ Points = NDArray[np.float32]
 Strips = Sequence[Points] | Points  # polylines (m, 2) each, or (k, m, 2) for all of them
 
 RESOLUTION = 0.01  # m: coordinates are rounded to this, which makes files small
-FEW = 100  # particles that are drawn finely
+FEW = 100  # particles whose positions are kept finely
 HEADINGS = 60  # arrows a scan
-HEADING_LENGTHS = (0.02, 0.2)  # m: twice the cloud's standard deviation, within these
+HEADING_LENGTHS = (0.03, 0.3)  # m: twice the cloud's standard deviation (thrice where few), within these
 LEVEL_HEIGHT = 0.002  # m from one level of weight to the next
 
 
@@ -56,8 +56,7 @@ def particle_columns(scans: ScanBatch, most: int, z: float) -> tuple[Any, Any]:
     starts = np.cumsum(scans.weights.lengths) - scans.weights.lengths
     chosen = np.concatenate(kept) + np.repeat(starts, lengths)
     particles, weights = scans.particles.values[chosen], scans.weights.values[chosen]
-    levels = len(WEIGHT_RAMP)
-    level = np.minimum((weights / np.repeat(weights[ends - 1], lengths) * levels).astype(np.intp), levels - 1)
+    level = weight_levels(weights * np.repeat(scans.weights.lengths, lengths))
     spread = np.sqrt(np.maximum(np.trace(scans.covariance, axis1=1, axis2=2), 0.0))
     spread = np.repeat(spread, lengths)[:, None]
     few = np.repeat(lengths <= FEW, lengths)[:, None]
@@ -69,10 +68,16 @@ def particle_columns(scans: ScanBatch, most: int, z: float) -> tuple[Any, Any]:
     some = [np.arange(end - 1, end - 1 - n, -stride(n, HEADINGS))[::-1] for end, n in zip(ends, lengths, strict=True)]
     drawn = np.concatenate(some)
     heading = np.round(particles[drawn, 2] * 60.0) / 60.0
-    length = np.clip(2 * spread[drawn], *HEADING_LENGTHS)
+    length = np.clip(np.where(few[drawn], 3, 2) * spread[drawn], *HEADING_LENGTHS)
     vectors = lifted(length * np.stack([np.cos(heading), np.sin(heading)], axis=-1), 0.0)
     arrows = rr.Arrows3D.columns(origins=positions[drawn], vectors=vectors, colors=colors[drawn])
     return points, arrows.partition([len(s) for s in some])
+
+
+def weight_levels(averages: Points) -> NDArray[np.intp]:
+    """Levels in WEIGHT_RAMP for weights given in averages, 1 / N each: 1 is in the middle, 9 and more at the end."""
+    levels = len(WEIGHT_RAMP)
+    return np.minimum((averages / (1.0 + averages) * levels + 1e-3).astype(np.intp), levels - 1)
 
 
 def _by_weight(weights: Points, most: int) -> NDArray[np.intp]:
@@ -146,6 +151,8 @@ def content_columns(contents: Sequence[Content]) -> Any:
         return rr.Boxes3D.columns(centers=centers, half_sizes=half_sizes).partition([len(r.centers) for r in rows])
     if isinstance(rows[0], Lines):
         return line_columns([r.strips for r in rows], rows[0].z)
+    if isinstance(rows[0], Note):
+        return rr.TextLog.columns(text=[r.text for r in rows], level=[r.level for r in rows])
     types = ["image/jpeg"] * len(rows)
     return rr.EncodedImage.columns(blob=_blobs([r.contents for r in rows]), media_type=types)
 

@@ -2,15 +2,14 @@
 
 from collections.abc import Sequence
 
-import numpy as np
 import rerun.blueprint as rrb
 from rerun import Points3D, Radius
 
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.viewer import entities
 from pfslam_viz.viewer.entities import ENTITIES, Kind, View
-from pfslam_viz.viewer.framing import Framing, overhead_size
-from pfslam_viz.viewer.style import CLOSE_UP, FOLLOW_HEIGHT, LOUPE
+from pfslam_viz.viewer.framing import Framing, eye_on, overhead_size
+from pfslam_viz.viewer.style import CLOSE_UP, FOLLOW_HEIGHT, LOUPE, scale_bar_path
 
 LONGEST = 60.0  # s that a replay takes at most, however long the recording
 SPEED_UP = 2.0  # times real time, unless that takes longer
@@ -29,7 +28,7 @@ def blueprint(recording: Recording, framing: Framing, runs: Sequence[str], live:
     several = len(runs) > 1
     tabs: list[rrb.Container | rrb.View] = [
         _compare(runs, recording, framing),
-        _each("Filter", [_filter(run, several, recording) for run in runs]),
+        _filter(runs, recording),
     ]
     if recording.frames is not None:
         tabs.append(_each("Texture", [_texture(run, several, framing) for run in runs]))
@@ -66,27 +65,47 @@ def _overhead(origin: str, aspect: float, name: str, contents: list[str], **more
     )
 
 
-def contents(view: View, run: str, *owners: str) -> list[str]:
-    """Queries for what a spatial view shows of these owners: ``{run}``, ``dead_reckoning`` or ``truth``."""
+def contents(view: View, run: str, *owners: str, more: Sequence[str] = ()) -> list[str]:
+    """Queries for what a spatial view shows of these owners ({run}, dead_reckoning, truth), and ``more``."""
     found: list[str] = []
     for row in ENTITIES:
         if view in row.views and row.owner in owners:
             paths = row.visible(run)
             outline_only = view is View.CLOSE_UP and row.kind is Kind.ROBOT  # its shape would cover the particles
             found += paths[-1:] if outline_only else paths
-    return [f"+ /{path}" for path in found]
+    return [f"+ /{path}" for path in [*found, *more]]
 
 
 def _compare(runs: Sequence[str], recording: Recording, framing: Framing) -> rrb.Container:
-    reckoned = contents(View.COMPARE, "", "dead_reckoning", "truth")
+    reckoned = contents(View.COMPARE, "", "dead_reckoning", "truth", more=[entities.SCALE_BAR])
     maps = [_overhead(entities.OVERVIEW, framing.aspect, "Dead reckoning: wheels and gyro alone", reckoned)]
     for run in runs:
         title = "Particle filter" if len(runs) == 1 else f"Particle filter: {run}"
-        shown = contents(View.COMPARE, run, "{run}", "truth")
+        shown = contents(View.COMPARE, run, "{run}", "truth", more=[entities.SCALE_BAR])
         maps.append(_overhead(entities.OVERVIEW, framing.aspect, title, shown))
     row = rrb.Horizontal(*maps) if len(maps) <= MAPS_IN_A_ROW else rrb.Grid(*maps, grid_columns=2)
     plots = rrb.Horizontal(*_plots(View.COMPARE_PLOTS, recording, runs))
-    return rrb.Vertical(row, plots, row_shares=[5, 2], name="Compare")
+    left = rrb.Vertical(row, plots, row_shares=[5, 2])
+    return rrb.Horizontal(left, _beside(runs), column_shares=[9, 2], name="Compare")
+
+
+def _beside(runs: Sequence[str]) -> rrb.Container:
+    """The legend, and the list of events without its least important ones."""
+    kind = rrb.encodings.TextLogColumnKind
+    paths = [row.path(run) for row in ENTITIES if View.EVENTS in row.views for run in runs]
+    several = len(runs) > 1
+    events = rrb.TextLogView(
+        origin="/events",
+        contents=[f"+ /{path}" for path in paths],
+        name="Events",
+        columns=rrb.TextLogColumns(
+            timeline_columns=["step"],
+            text_log_columns=[*([kind.EntityPath] if several else []), kind.Body],
+        ),
+        rows=rrb.TextLogRows(filter_by_log_level=["INFO", "WARN"]),
+    )
+    legend = rrb.TextDocumentView(origin=f"/{entities.LEGEND}", name="Colours")
+    return rrb.Vertical(legend, events, row_shares=[1, 1])
 
 
 def _plots(view: View, recording: Recording, runs: Sequence[str]) -> list[rrb.TimeSeriesView]:
@@ -98,36 +117,47 @@ def _plots(view: View, recording: Recording, runs: Sequence[str]) -> list[rrb.Ti
     for first in curves:
         if first.title:
             paths = dict.fromkeys(row.path(run) for row in curves if row.plot == first.plot for run in runs)
+            share = first is entities.N_EFF and len(runs) > 1
             plots.append(
                 rrb.TimeSeriesView(
                     origin=f"/plots/{first.plot}",
                     contents=[f"+ /{path}" for path in paths],
-                    name=first.title,
+                    name="N_eff as a share of the particles" if share else first.title,
                     axis_x=rrb.TimeAxis(link="Independent", view_range=whole),
-                    plot_legend=rrb.PlotLegend(corner="LeftTop", visible=len(paths) > 1),
+                    plot_legend=rrb.PlotLegend(visible=False),  # it would cover the curves, whose colours are the maps'
                 )
             )
     return plots
 
 
-def _filter(run: str, several: bool, recording: Recording) -> rrb.Container:
+def _filter(runs: Sequence[str], recording: Recording) -> rrb.Container:
+    """What follows the robot: of one run side by side, of several the runs side by side."""
+    near = [_round_the_robot(run, len(runs) > 1) for run in runs]
+    plots = rrb.Horizontal(*_plots(View.FILTER_PLOTS, recording, runs))
+    if len(runs) == 1:
+        return rrb.Vertical(rrb.Horizontal(*near[0]), plots, row_shares=[5, 2], name="Filter")
+    rows = [rrb.Horizontal(*row) for row in zip(*near, strict=True)]
+    return rrb.Vertical(*rows, plots, row_shares=[3, 3, 2], name="Filter")
+
+
+def _round_the_robot(run: str, several: bool) -> tuple[rrb.Spatial2DView, rrb.Spatial2DView]:
+    """A few metres round the robot, and the particles."""
     follow = entities.FOLLOW.path(run)
+    whose = f"{run}: " if several else ""
     close_up = _overhead(
         f"{follow}/{CLOSE_UP}",
         1.0,
-        f"Round the robot ({FOLLOW_HEIGHT:g} m)",
-        contents(View.CLOSE_UP, run, "{run}", "truth"),
+        f"{whose}{'round' if several else 'Round'} the robot ({FOLLOW_HEIGHT:g} m)",
+        contents(View.CLOSE_UP, run, "{run}", "truth", more=[scale_bar_path(run, CLOSE_UP)]),
     )
     loupe = _overhead(
         f"{follow}/{LOUPE}",
         1.0,
-        "The particles, coloured by weight",
-        contents(View.LOUPE, run, "{run}", "truth"),
-        overrides={f"/{entities.PARTICLES.path(run)}": Points3D.from_fields(radii=Radius.ui_points(3.0))},
+        f"{whose}{'the' if several else 'The'} particles, coloured by weight",
+        contents(View.LOUPE, run, "{run}", "truth", more=[scale_bar_path(run, LOUPE)]),
+        overrides={f"/{entities.PARTICLES.path(run)}": Points3D.from_fields(radii=Radius.ui_points(3.5))},
     )
-    plots = rrb.Horizontal(*_plots(View.FILTER_PLOTS, recording, [run]))
-    name = run if several else "Filter"
-    return rrb.Vertical(rrb.Horizontal(close_up, loupe), plots, row_shares=[5, 2], name=name)
+    return close_up, loupe
 
 
 def _texture(run: str, several: bool, framing: Framing) -> rrb.Container:
@@ -144,21 +174,16 @@ def _texture(run: str, several: bool, framing: Framing) -> rrb.Container:
     )
     name = run if several else "Texture"
     view = _overhead(
-        entities.OVERVIEW, framing.aspect, "Floor texture over the map", contents(View.TEXTURE, run, "{run}")
+        entities.OVERVIEW,
+        framing.aspect,
+        "Floor texture over the map",
+        contents(View.TEXTURE, run, "{run}", more=[entities.SCALE_BAR]),
     )
     return rrb.Horizontal(view, images, column_shares=[5, 2], name=name)
 
 
 def _three_d(run: str, several: bool, framing: Framing) -> rrb.Spatial3DView:
-    x, y = framing.center
-    width, height = framing.content
-    tall = height > width  # then look from the side, so that the longer side lies across the window
-    reach = max(min(width, height), max(width, height) / 1.6)
-    back, aside = (
-        (np.array([1.0, 0.0]), np.array([0.0, 1.0])) if tall else (np.array([0.0, -1.0]), np.array([1.0, 0.0]))
-    )
-    eye = np.array([x, y]) + reach * (0.64 * back - 0.08 * aside)
-    target = np.array([x, y]) + 0.08 * reach * back
+    eye, target = eye_on(framing)
     return rrb.Spatial3DView(
         origin="/world",
         contents=contents(View.THREE_D, run, "{run}", "dead_reckoning", "truth"),
@@ -167,8 +192,8 @@ def _three_d(run: str, several: bool, framing: Framing) -> rrb.Spatial3DView:
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital,
-            position=[*eye, 0.56 * reach],
-            look_target=[*target, 0.0],
+            position=eye,
+            look_target=target,
             eye_up=[0.0, 0.0, 1.0],
         ),
     )

@@ -5,13 +5,14 @@ Scans are kept in batches; maps, textures and the like are taken when they are d
 Nothing of Rerun is needed here; :mod:`pfslam_viz.viewer.drawing` draws it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pfslam_viz.config import Config
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.replay import Result
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
@@ -19,8 +20,9 @@ from pfslam_viz.step import Step
 from pfslam_viz.viewer import contents, entities
 from pfslam_viz.viewer.ancestry import Ancestry
 from pfslam_viz.viewer.camera_images import CameraImages
-from pfslam_viz.viewer.contents import Content, Lines, TimedContent
+from pfslam_viz.viewer.contents import Content, Lines, Note, TimedContent
 from pfslam_viz.viewer.entities import ONLY_RUN, Entity
+from pfslam_viz.viewer.events import Chronicle, Event
 from pfslam_viz.viewer.scan_batch import ScanBatch, ScanCopy, stride
 
 if TYPE_CHECKING:
@@ -50,7 +52,13 @@ class Collector:
     """Takes Steps with :meth:`add`, and gives what was collected with :meth:`take`. :meth:`finish` adds the ends."""
 
     def __init__(
-        self, recording: Recording, options: StreamOptions, run: str = ONLY_RUN, *, shared: bool = True
+        self,
+        recording: Recording,
+        config: Config,
+        options: StreamOptions,
+        run: str = ONLY_RUN,
+        *,
+        shared: bool = True,
     ) -> None:
         """``run`` is its name in entity paths; ``shared`` includes what is no run's own: dead reckoning's map."""
         self._options, self._run, self._shared = options, run, shared
@@ -60,6 +68,8 @@ class Collector:
         self._walls = contents.FrameBudget(n, WALL_FRAMES, MAP_BYTES)
         self._lineages = contents.FrameBudget(n, 0, 0, every=LINEAGES_EVERY)
         self._ancestry = Ancestry()
+        self._chronicle = Chronicle(recording, config)
+        self._painted: FloorTexture | None = None
         span = (float(recording.stamps[0]) - 1.0, float(recording.stamps[-1]))
         self._camera = CameraImages(recording.frames, span, CAMERA_FRAMES)
         self._last: Step | None = None
@@ -74,6 +84,7 @@ class Collector:
     def add(self, step: Step) -> None:
         """Take a scan, and the contents that are due."""
         self._last = step
+        self._add_events(self._chronicle.add(step))
         maps_due = self._maps.is_due(step.index)
         if maps_due and self._shared:
             step.dead_reckoning_grid.catch_up()
@@ -90,6 +101,7 @@ class Collector:
             self._walls.spend(step.index, 0)
             self._add(entities.WALLS, step, contents.walls(step.grid))
         if step.texture is not None:
+            self._painted = step.texture
             self._add_texture(step, step.texture)
         for row, image in self._camera.due(step.stamp):
             self._add(row, step, image)
@@ -102,6 +114,8 @@ class Collector:
         self._add(entities.WALLS, self._last, contents.walls(result.grid))
         if result.texture is not None:
             self._add_texture(self._last, result.texture, always=True)
+        painted_anew = self._painted is not None and result.texture is not self._painted
+        self._add_events(self._chronicle.finish(result, painted_anew))
         if hindsight_differs(result):
             self._add_lines(entities.HINDSIGHT_TRAJECTORY, self._last, [result.estimate])
         if result.closures:
@@ -120,7 +134,7 @@ class Collector:
 
     @property
     def left_out(self) -> list[str]:
-        """What was not taken, or will not be drawn, a phrase each."""
+        """How much is drawn of what is not drawn whole, a phrase each."""
         out = []
         for what, most in (("particles", self._options.max_particles), ("beams", self._options.max_beams)):
             total = self._counts[what]
@@ -131,13 +145,19 @@ class Collector:
         if self._maps.logged < done:
             out.append(f"maps: {self._maps.logged:,} of {done:,} scans have one (--map-every)")
         if self._textures.skipped:
-            out.append(f"textures: {self._textures.logged:,} of {self._textures.logged + self._textures.skipped:,}")
+            out.append(
+                f"textures: {self._textures.logged:,} of {self._textures.logged + self._textures.skipped:,} drawn"
+            )
         if self._camera.logged < self._camera.available:
-            out.append(f"camera images: {self._camera.logged:,} of {self._camera.available:,} of a kind")
+            out.append(f"camera images: {self._camera.logged:,} of {self._camera.available:,} of each camera drawn")
         return out
 
     def _add(self, row: Entity, step: Step, content: Content) -> None:
         self._contents.append(TimedContent(row.path(self._run), step.index, step.time, content))
+
+    def _add_events(self, events: Iterable[Event]) -> None:
+        path = entities.EVENTS.path(self._run)
+        self._contents += [TimedContent(path, e.step, e.seconds, Note(e.line, e.level)) for e in events]
 
     def _add_lines(self, row: Entity, step: Step, lines: Sequence[Array]) -> None:
         self._add(row, step, Lines([line[:, :2].astype(np.float32) for line in lines], row.z))

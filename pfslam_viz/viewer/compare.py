@@ -53,11 +53,13 @@ def compare(
     panels = len(names) + 1
     options = options or StreamOptions()
     drawings, streams = [], []
-    for index, (config, name, color) in enumerate(zip(configs, names, entities.RUNS, strict=False)):
+    for index, (config, name, color) in enumerate(zip(configs, names, entities.run_colors(configs), strict=True)):
         shared = index == 0
-        drawing = Drawing(recording, config, sink, options.max_particles, run=name, color=color, shared=shared)
+        drawing = Drawing(
+            recording, config, sink, options.max_particles, run=name, color=color, shared=shared, relative=True
+        )
         drawings.append(drawing)
-        streams.append(ReplayStream(Collector(recording, options, name, shared=shared), drawing, alone=False))
+        streams.append(ReplayStream(Collector(recording, config, options, name, shared=shared), drawing, alone=False))
     send_scene(drawings, Framing.of_recording(recording, aspect_of(panels)))
     replays = [Replay(recording, config) for config in configs]
     with ExitStack() as stack:
@@ -79,7 +81,7 @@ def compare(
         stream.finish(result)
     if len(results[0].stamps):
         left_out = list(dict.fromkeys(phrase for stream in streams for phrase in stream.left_out))
-        send_scene(drawings, Framing.of_results(results, aspect_of(panels)), left_out)
+        send_scene(drawings, Framing.of_results(results, aspect_of(panels)), left_out, results)
     return results
 
 

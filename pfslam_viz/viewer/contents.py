@@ -25,8 +25,7 @@ UNKNOWN = 255  # as in ROS: 0 is free, 100 occupied
 IMAGE_SCALE = 2  # camera images are reduced by this
 FARTHEST_DISPARITY = 1100  # raw; the formula has no depth beyond
 WALL_HEIGHT = 0.6  # m: low enough to look over
-_STEPS = 12.0  # levels of the table below per unit of log-odds
-_TABLE = np.round(100.0 / (1.0 + np.exp(-(np.arange(256) - 128) / _STEPS))).astype(np.uint8)
+_LEVELS = 120  # of shade()'s 128 to either side: for one observation of the kind that counts more
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +63,15 @@ class Jpeg:
     contents: NDArray[np.uint8]
 
 
-Content = Cells | Boxes | Lines | Jpeg
+@dataclass(frozen=True, slots=True)
+class Note:
+    """A line of text with a level, as Rerun calls it."""
+
+    text: str
+    level: str
+
+
+Content = Cells | Boxes | Lines | Jpeg | Note
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,18 +116,31 @@ class FrameBudget:
         self._next = step + max(-(-rest // left), 1)
 
 
-def occupancy(log_odds: NDArray[np.float32]) -> tuple[NDArray[np.uint8], slice, slice]:
+@cache
+def _shades(hit: float, miss: float) -> tuple[NDArray[np.uint8], float]:
+    """A table for :func:`kernels.shade`, and its steps, for a map that counts these log-odds an observation."""
+    steps = _LEVELS / max(hit, miss)
+    levels = np.arange(256) - 128
+    log_odds = (levels + 0.5 * np.sign(levels)) / steps  # a level's far end: one observation lies in its last level
+    certainty = np.where(log_odds > 0, log_odds / hit, log_odds / miss)
+    return np.round(50.0 + 50.0 * np.clip(certainty, -1.0, 1.0)).astype(np.uint8), steps
+
+
+def occupancy(log_odds: NDArray[np.float32], hit: float, miss: float) -> tuple[NDArray[np.uint8], slice, slice]:
     """The known part of a map, as ROS and Rerun count: 0 free to 100 occupied, 255 unknown; and its rows and columns.
 
-    Where nothing is known, it is one cell.
+    Where nothing is known, it is one cell. A cell's shade is its log-odds in observations, of which ``hit`` and
+    ``miss`` are one each: one that found it free makes it white, one that found it occupied makes it black, and what
+    lies between is grey. So maps of many scans and of few show the same floor alike, whatever they count with.
     """
-    cells, box = kernels.shade(log_odds, _TABLE, _STEPS, UNKNOWN)
+    table, steps = _shades(hit, miss)
+    cells, box = kernels.shade(log_odds, table, steps, UNKNOWN)
     return cells, *_slices(box)
 
 
 def grid_map(grid: OccupancyGrid) -> Cells:
     """The known part of the grid. Row 0 is the top in both."""
-    cells, rows, columns = occupancy(grid.log_odds)
+    cells, rows, columns = occupancy(grid.log_odds, grid.config.log_odds_hit, grid.config.log_odds_miss)
     return _placed(cells, grid, rows, columns, MAP.z)
 
 

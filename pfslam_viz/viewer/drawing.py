@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pfslam_viz import geometry
 from pfslam_viz.config import Config
 from pfslam_viz.recordings.recording import Recording
+from pfslam_viz.replay import Result
 from pfslam_viz.viewer import archetypes, entities, pages, style
 from pfslam_viz.viewer.blueprint import blueprint
 from pfslam_viz.viewer.contents import Cells, TimedContent
@@ -35,6 +36,7 @@ class Drawing:
         run: what the run is called in the paths of its entities.
         color: the run's colour.
         shared: whether to draw what runs have in common: dead reckoning and truth.
+        relative: whether N_eff is plotted as a share of the particles, so that runs of different numbers compare.
     """
 
     def __init__(
@@ -47,13 +49,17 @@ class Drawing:
         run: str = ONLY_RUN,
         color: Color = entities.FILTER,
         shared: bool = True,
+        relative: bool = False,
     ) -> None:
         self.recording, self.config, self.sink, self.run = recording, config, sink, run
         self.logged: set[str] = set()
         self._max_particles, self._shared = max_particles, shared
         self._trails: dict[Entity, Trail] = {}
+        self._relative = relative
         self._spreads = np.zeros(0)
-        style.style_run(sink, run, color, recording.frames)
+        self._turned = 0.0  # degrees, by the last scan
+        self.color = color
+        style.style_run(sink, run, color, recording.frames, config.particles)
         if shared:
             style.style_shared(sink, recording)
 
@@ -72,12 +78,12 @@ class Drawing:
             self._draw_contents(path, shown)
         self.sink.push()
 
-    def finish(self, framing: Framing | None, left_out: Sequence[str]) -> None:
+    def finish(self, framing: Framing | None, left_out: Sequence[str], result: Result) -> None:
         """Everything is drawn: settle the particles' own view; with ``framing``, the pages and the layout too."""
         if len(self._spreads):
             style.log_loupe(self.sink, self.run, float(np.percentile(self._spreads, 75)))
         if framing is not None:
-            send_scene([self], framing, left_out)
+            send_scene([self], framing, left_out, [result])
 
     # Batches of scans ------------------------------------------------------------------------------------------------
 
@@ -141,14 +147,34 @@ class Drawing:
         curves: dict[str, Any] = {
             **scans.curves,
             "drift": _distance(scans.best, scans.dead_reckoning),
-            "heading_drift": np.degrees(np.abs(geometry.wrap(scans.best[:, 2] - scans.dead_reckoning[:, 2]))),
+            "heading_drift": self._heading_drift(scans),
             "spread": np.sqrt(np.maximum(np.trace(scans.covariance, axis1=1, axis2=2), 0.0)),
         }
         self._spreads = np.concatenate([self._spreads, curves["spread"]])
         if scans.truth is not None:
             curves["error"] = _distance(scans.best, scans.truth)
+        particles = scans.weights.lengths if self._relative else np.ones(len(scans))
+        curves["n_eff"] = curves["n_eff"] / particles
         for name, values in curves.items():
             self._send(RUN_CURVES[name], scans, archetypes.scalar_columns(values))
+        self._send_some(entities.RESAMPLED, scans, np.flatnonzero(scans.resampled), curves["n_eff"])
+        if self.config.resampling.policy == "n_eff":
+            limits = self.config.resampling.threshold * scans.weights.lengths / particles
+            ends = np.unique([0, len(scans) - 1])  # of a straight line
+            self._send_some(entities.N_EFF_LIMIT, scans, ends, limits)
+
+    def _heading_drift(self, scans: ScanBatch) -> Array:
+        """Degrees that dead reckoning has turned further than the filter, signed, whole turns counted."""
+        apart = np.degrees(geometry.wrap(scans.dead_reckoning[:, 2] - scans.best[:, 2]))
+        unwrapped = np.unwrap(np.concatenate([[self._turned], apart]), period=360.0)[1:]
+        self._turned = float(unwrapped[-1])
+        return unwrapped
+
+    def _send_some(self, row: Entity, scans: ScanBatch, rows: Any, values: Any) -> None:
+        """``values`` (n,), but only those at ``rows``."""
+        if len(rows):
+            columns = archetypes.scalar_columns(values[rows])
+            self._send_rows(row.path(self.run), scans.index[rows], scans.time[rows], columns)
 
     def _draw_contents(self, path: str, contents: Sequence[TimedContent]) -> None:
         """Contents of one entity; few at a time where they are large."""
@@ -166,19 +192,28 @@ def _distance(some: Array, others: Array) -> Array:
     return np.hypot(apart[:, 0], apart[:, 1])
 
 
-def send_scene(drawings: Sequence[Drawing], framing: Framing, left_out: Sequence[str] | None = None) -> None:
+def send_scene(
+    drawings: Sequence[Drawing],
+    framing: Framing,
+    left_out: Sequence[str] | None = None,
+    results: Sequence[Result] = (),
+) -> None:
     """Send the framing, the pages and the layout for these runs over one recording, which share a sink.
 
-    Before the run (``left_out`` None) they say what can be there. The final ones say what is, and leave the layout of
-    viewers that watch alone: somebody may have moved a panel.
+    Before the run (``left_out`` None) they say what can be there. The final ones say what is and what came of it
+    (``results``, one for each of the drawings), and leave the layout of viewers that watch alone: somebody may have
+    moved a panel.
     """
     final = left_out is not None
     sink, recording = drawings[0].sink, drawings[0].recording
     style.log_framing(sink, framing)
     names = [drawing.run for drawing in drawings]
+    colors = {drawing.run: drawing.color for drawing in drawings}
     logged = {path for drawing in drawings for path in drawing.logged} if final else None
-    style.log_page(sink, entities.HELP, pages.help_page(names, logged))
-    about = pages.about_page(recording, [drawing.config for drawing in drawings], left_out or ())
+    style.log_page(sink, entities.HELP, pages.help_page(colors, logged))
+    style.log_page(sink, entities.LEGEND, pages.legend_page(colors, recording))
+    found = dict(zip(names, results, strict=False))
+    about = pages.about_page(recording, [drawing.config for drawing in drawings], left_out or (), found)
     style.log_page(sink, entities.ABOUT, about)
     layout = blueprint(recording, framing, names, live=sink.live and not final)
     sink.send_blueprint(layout, live=not final)

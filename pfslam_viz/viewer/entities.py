@@ -8,9 +8,12 @@ simulates all three), and are of middle lightness, so that they show on the whit
 and on the viewer's dark and light theme.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Literal
+
+from pfslam_viz.config import Config
 
 Color = tuple[int, int, int]
 """Red, green and blue, 0 to 255."""
@@ -26,6 +29,21 @@ WALL: Color = (70, 84, 92)
 
 RUNS: tuple[Color, ...] = (FILTER, (235, 172, 0), (150, 40, 150), (125, 125, 125))
 """A colour for each run that is compared; the first is the filter's where there is one."""
+
+OWN_COLORS: dict[str, Color] = dict(zip(("default", "paper"), RUNS, strict=False))
+"""The colours of the configurations that come with the tool, wherever they are shown."""
+
+
+def run_colors(configs: Sequence[Config]) -> list[Color]:
+    """A colour for each configuration, all different: its own if it has one, or the next that is free.
+
+    A configuration that is shown alone and has none of its own gets the filter's.
+    """
+    own = [OWN_COLORS.get(config.name) for config in configs]
+    wanted = [color if color not in own[:k] else None for k, color in enumerate(own)]
+    free = iter([color for color in RUNS if color not in wanted])
+    return [color or next(free) for color in wanted]
+
 
 COLOR_NAMES: dict[Color, str] = {
     **{DEAD_RECKONING: "vermilion", TRUTH: "green", HIT: "light blue", MISS: "magenta", HINDSIGHT: "violet"},
@@ -46,7 +64,7 @@ WEIGHT_RAMP: tuple[Color, ...] = (
     (72, 40, 120),
     (68, 1, 84),
 )
-"""Viridis in ten levels, from no weight (yellow) to the heaviest particle (dark violet)."""
+"""Viridis in ten levels, from no weight (yellow) over an average one (green) to many times that (dark violet)."""
 
 MAP_Z, TEXTURE_Z, LIDAR_Z, PARTICLE_Z, TRAIL_Z, TRUTH_Z, POSE_Z = 0.0, 0.01, 0.03, 0.04, 0.06, 0.07, 0.09
 """Heights (m) that keep the layers of a flat scene from hiding each other."""
@@ -57,8 +75,11 @@ ONLY_RUN = "filter"
 OVERVIEW = "world/overview"
 """The pinhole that looks down on the whole map."""
 
-HELP, ABOUT = "help", "about"
-"""The pages: what each entity is; recording, configuration and versions."""
+HELP, ABOUT, LEGEND = "help", "about", "legend"
+"""The pages: what each entity is; recording, result, configuration and versions; the colours, beside the maps."""
+
+SCALE_BAR = "world/scale_bar"
+"""A line of round length in the corner of the overview; what follows the robot has such lines of its own."""
 
 
 class Kind(Enum):
@@ -77,6 +98,8 @@ class Kind(Enum):
     IMAGE = auto()  # an image by itself
     FRAME = auto()  # a coordinate frame that other entities hang on; not visible
     CURVE = auto()  # numbers in a plot
+    EVENTS = auto()  # a list of sentences
+    MARKS = auto()  # single numbers in a plot, a dot each
 
 
 class View(Enum):
@@ -91,6 +114,7 @@ class View(Enum):
     DEPTH_CAMERA = auto()
     COMPARE_PLOTS = auto()
     FILTER_PLOTS = auto()
+    EVENTS = auto()
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,8 +128,11 @@ class Entity:
         color: its static colour: a fixed one, or "run" for the run's. None where the data bring their own.
         width: radius of its points or lines, width of its curve, in pixels of the viewer's interface (ui points).
         z: height in m that it is drawn at.
+        few: the same as ``width`` where particles are few, which would hardly show otherwise; 0: no other.
         views: the views that contain it.
         title: of the plot, for a curve that is a plot's first.
+        keep: which of the scans that share a pixel a curve shows: Rerun's aggregation policy. An average would hide
+            the lows, or the highs, that the curve is looked at for.
     """
 
     template: str
@@ -114,8 +141,10 @@ class Entity:
     color: Color | Literal["run"] | None = None
     width: float = 0.0
     z: float = 0.0
+    few: float = 0.0
     views: tuple[View, ...] = ()
     title: str = ""
+    keep: Literal["Average", "Min", "Max"] = "Average"
 
     def path(self, run: str) -> str:
         """Its entity path in a run, whose name does not matter where the entity is shared."""
@@ -152,9 +181,9 @@ MAP = Entity("world/{run}/map", Kind.GRID, z=MAP_Z, views=_MAPS,
     help="the filter's map: white is free, black occupied, grey-green unknown")
 WALLS = Entity("world/{run}/walls", Kind.BOXES, color=WALL, views=(View.THREE_D,),
     help="in 3-D: the occupied cells, raised (a drawing; the lidar sees one height)")
-PARTICLES = Entity("world/{run}/particles", Kind.POINTS, width=2.0, z=PARTICLE_Z, views=_SCANS,
-    help="every particle, from yellow (no weight) to dark violet (the heaviest)")
-HEADINGS = Entity("world/{run}/headings", Kind.ARROWS, width=0.75, z=PARTICLE_Z, views=(View.LOUPE,),
+PARTICLES = Entity("world/{run}/particles", Kind.POINTS, width=2.0, few=3.5, z=PARTICLE_Z, views=_SCANS,
+    help="every particle, from yellow (no weight) over green (an average one) to dark violet (ten times that)")
+HEADINGS = Entity("world/{run}/headings", Kind.ARROWS, width=0.75, few=1.5, z=PARTICLE_Z, views=(View.LOUPE,),
     help="where some of the particles look, in the same colours")
 SCAN_HIT = Entity("world/{run}/scan/hit", Kind.POINTS, color=HIT, width=1.75, z=LIDAR_Z, views=_SCANS,
     help="{color}: lidar end points on a cell that the map already held occupied")
@@ -167,13 +196,14 @@ TRAJECTORY = Entity("world/{run}/trajectory", Kind.TRAIL, color="run", width=1.7
     help="{color}: the best particle at every scan, as it was estimated then")
 MEAN = Entity("world/{run}/mean", Kind.DOT, color="run", width=4.0, z=POSE_Z, views=_NEAR,
     help="{color} dot: the weighted mean of the particles")
-COVARIANCE = Entity("world/{run}/covariance", Kind.ELLIPSE, color="run", width=1.25, z=POSE_Z, views=_NEAR,
+COVARIANCE = Entity("world/{run}/covariance", Kind.ELLIPSE, color="run", width=1.25, z=POSE_Z,
+    views=(View.COMPARE, *_NEAR),
     help="{color} ellipse: two standard deviations about the mean")
 LINEAGES = Entity("world/{run}/lineages", Kind.LINES, color=LINEAGE, width=0.5, z=LIDAR_Z, views=(View.LOUPE,),
     help="{color}: the ancestors that today's particles still have")
 HINDSIGHT_TRAJECTORY = Entity("world/{run}/hindsight", Kind.LINES, color=HINDSIGHT, width=1.5, z=TRAIL_Z,
     views=(View.COMPARE, View.THREE_D),
-    help="{color}: the whole trajectory as known at the end, at the last step")
+    help="{color}, in the last step: the whole trajectory as known at the end, in hindsight")
 CORRECTION = Entity("world/{run}/correction", Kind.ARROWS, color=MISS, width=1.5, z=POSE_Z, views=(View.LOUPE,),
     help="{color} arrow: what scan matching moved the pose by, ten times as long")
 DEGENERATE = Entity("world/{run}/degenerate", Kind.LINES, color=MISS, width=1.5, z=POSE_Z, views=_NEAR,
@@ -187,6 +217,8 @@ COLOR_IMAGE = Entity("world/{run}/robot/camera", Kind.CAMERA, color="run", views
     help="the colour image of the moment, where the camera is")
 DISPARITY_IMAGE = Entity("camera/{run}/disparity", Kind.IMAGE, views=(View.DEPTH_CAMERA,),
     help="the depth image of the moment: bright is near, black is no depth")
+EVENTS = Entity("events/{run}", Kind.EVENTS, views=(View.EVENTS,),
+    help="what happened: resampled (DEBUG), loops closed and the like (INFO), what to doubt (WARN)")
 FOLLOW = Entity("world/{run}/follow", Kind.FRAME)  # moves with the robot; the cameras of its own views hang on it
 
 # What all runs share.
@@ -207,27 +239,39 @@ TRUE_TRAJECTORY = Entity("world/truth/trajectory", Kind.TRAIL, color=TRUTH, widt
 DRIFT = Entity("plots/drift/{run}", Kind.CURVE, color="run", width=1.5, views=(View.COMPARE_PLOTS,),
     title="Dead reckoning from filter (m)", help="m between dead reckoning and the filter")
 ERROR = Entity("plots/error/{run}", Kind.CURVE, color="run", width=1.5, views=(View.COMPARE_PLOTS,),
-    title="Error against truth (m)", help="m from the filter's pose, as it was estimated then, to the truth")
+    title="Error against truth (m)", keep="Max",
+    help="m from the filter's pose, as it was estimated then, to the truth")
 RECKONED_ERROR = Entity("plots/error/dead_reckoning", Kind.CURVE, color=DEAD_RECKONING, width=1.5,
-    views=(View.COMPARE_PLOTS,), help="m from dead reckoning to the truth")
+    views=(View.COMPARE_PLOTS,), keep="Max", help="m from dead reckoning to the truth")
 CORRELATION = Entity("plots/correlation/{run}", Kind.CURVE, color="run", width=1.5, views=(View.FILTER_PLOTS,),
-    title="End points on occupied cells", help="share of the end points that fall on occupied cells")
+    title="End points on occupied cells", keep="Min",
+    help="share of the end points that fall on occupied cells")
 N_EFF = Entity("plots/n_eff/{run}", Kind.CURVE, color="run", width=1.5, views=(View.COMPARE_PLOTS, View.FILTER_PLOTS),
-    title="N_eff: effective particles", help="effective number of particles, 1 / Σ w²")
+    title="N_eff: effective particles", keep="Min",
+    help="effective number of particles, 1 / Σ w²: the lowest of the scans that share a pixel")
+N_EFF_LIMIT = Entity("plots/n_eff/{run}/threshold", Kind.CURVE, color=MISS, width=1.0,
+    views=(View.COMPARE_PLOTS, View.FILTER_PLOTS), help="{color} line: below this N_eff, particles are resampled")
+RESAMPLED = Entity("plots/n_eff/{run}/resampled", Kind.MARKS, color=MISS, width=2.0,
+    views=(View.COMPARE_PLOTS, View.FILTER_PLOTS), help="{color} dot: the particles were resampled after this scan")
 SPREAD = Entity("plots/spread/{run}", Kind.CURVE, color="run", width=1.5, views=(View.COMPARE_PLOTS,),
-    title="Spread of the particles (m)", help="m: standard deviation of the particles' positions")
+    title="Spread of the particles (m)", keep="Max",
+    help="m: standard deviation of the particles' positions")
 SURVIVORS = Entity("plots/lineages/{run}", Kind.CURVE, color="run", width=1.5, views=(View.FILTER_PLOTS,),
-    title="Surviving lineages", help="distinct ancestors since all particles last shared one")
+    title="Surviving lineages", keep="Min",
+    help="distinct ancestors since all particles last shared one")
 HEADING_DRIFT = Entity("plots/heading_drift/{run}", Kind.CURVE, color="run", width=1.5, views=(View.FILTER_PLOTS,),
-    title="Heading: dead reckoning from filter (°)", help="degrees between dead reckoning and the filter")
-SCORE = Entity("plots/score/{run}", Kind.CURVE, color="run", width=1.5,
+    title="Heading: dead reckoning from filter (°)",
+    help="degrees, counter-clockwise, that dead reckoning has turned further than the filter: 400 is once round and 40")
+SCORE = Entity("plots/score/{run}", Kind.CURVE, color="run", width=1.5, keep="Min",
     help="mean agreement of the matched scan with the map, 0 to 1")
-CORRECTION_LENGTH = Entity("plots/correction/{run}", Kind.CURVE, color="run", width=1.5,
+CORRECTION_LENGTH = Entity("plots/correction/{run}", Kind.CURVE, color="run", width=1.5, keep="Max",
     help="m that scan matching moved the pose")
 # fmt: on
 
 ENTITIES: tuple[Entity, ...] = tuple(value for value in list(globals().values()) if isinstance(value, Entity))
 """The table: every row above, in their order."""
 
-RUN_CURVES: dict[str, Entity] = {row.plot: row for row in ENTITIES if row.kind is Kind.CURVE and row.owner == "{run}"}
+RUN_CURVES: dict[str, Entity] = {
+    row.plot: row for row in ENTITIES if row.kind is Kind.CURVE and row.template.endswith("/{run}")
+}
 """The curves that each run has, by plot."""

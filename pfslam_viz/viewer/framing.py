@@ -27,12 +27,12 @@ REACH = 0.12  # how far dead reckoning may widen the picture of the filter's map
 
 @dataclass(frozen=True, slots=True)
 class Framing:
-    """A rectangle of floor, in m: the views show it whole. ``content`` is how wide and high the things in it are."""
+    """A rectangle of floor, in m: the views show it whole. ``outline`` (k, 2) are the things in it that lie outmost."""
 
     center: tuple[float, float]
     width: float
     height: float
-    content: tuple[float, float]
+    outline: Array
 
     @property
     def aspect(self) -> float:
@@ -40,12 +40,14 @@ class Framing:
         return self.width / self.height
 
     @classmethod
-    def of_box(cls, low: Array, high: Array, aspect: float = ASPECT) -> "Framing":
-        """The box with a margin, widened to the aspect (width by height)."""
+    def of_box(cls, low: Array, high: Array, aspect: float = ASPECT, outline: Array | None = None) -> "Framing":
+        """The box with a margin, widened to the aspect (width by height); the outline is its corners if not given."""
         center = (low + high) / 2
         across, up = (float(size) for size in np.maximum(high - low, 1.0) + 2 * MARGIN)
         width = max(across, up * aspect)
-        return cls((float(center[0]), float(center[1])), width, width / aspect, (across, up))
+        if outline is None:
+            outline = np.array([[x, y] for x in (low[0], high[0]) for y in (low[1], high[1])])
+        return cls((float(center[0]), float(center[1])), width, width / aspect, outline)
 
     @classmethod
     def of_recording(cls, recording: Recording, aspect: float = ASPECT) -> "Framing":
@@ -70,13 +72,14 @@ class Framing:
         boxes += [_extent(poses) for r in results for poses in (r.online, r.estimate, r.truth) if poses is not None]
         low = np.min([box[0] for box in boxes if box is not None], axis=0)
         high = np.max([box[1] for box in boxes if box is not None], axis=0)
+        outline = _outline(results, low, high)
         reach = REACH * (high - low)
         lowest, highest = low - reach, high + reach
         for box in (_extent(results[0].dead_reckoning), _walls(results[0].dead_reckoning_grid)):
             if box is not None:
                 low = np.minimum(low, np.maximum(box[0], lowest))
                 high = np.maximum(high, np.minimum(box[1], highest))
-        return cls.of_box(low, high, aspect)
+        return cls.of_box(low, high, aspect, outline)
 
 
 def aspect_of(panels: int) -> float:
@@ -94,6 +97,23 @@ def _walls(grid: OccupancyGrid) -> tuple[Array, Array] | None:
         return None
     low, high = np.percentile(grid.centers(cells), OUTLIERS, axis=0)
     return low, high
+
+
+def _outline(results: Sequence[Result], low: Array, high: Array) -> Array:
+    """The outmost of the walls and trajectories inside a box, (k, 2): those that lie furthest in any direction."""
+    points = [poses[:, :2] for r in results for poses in (r.online, r.estimate) if len(poses)]
+    points += [r.grid.centers(np.argwhere(r.grid.occupied)) for r in results]
+    every = np.concatenate(points)
+    inside = every[((every >= low) & (every <= high)).all(axis=1)]
+    angles = np.linspace(0.0, 2 * np.pi, 48, endpoint=False)
+    directions = np.stack([np.cos(angles), np.sin(angles)])
+    return np.asarray(inside[np.argmax(inside @ directions, axis=0)])
+
+
+def round_length(most: float) -> float:
+    """The longest of 1, 2 or 5 times a power of ten that is no longer than ``most``, in m."""
+    power = 10.0 ** np.floor(np.log10(most))
+    return float(power * max(step for step in (1, 2, 5) if step * power <= most * (1 + 1e-9)))
 
 
 PIXELS = 1000  # height of the overhead image; only its proportion to the floor matters
@@ -127,3 +147,36 @@ def overhead_camera(
             line_width=0.0,
         ),
     )
+
+
+VIEWING_ANGLE = np.radians(55.0)  # Rerun's own, from top to bottom of a 3-D view
+WINDOW = 1.6  # width by height of the 3-D view in a window of 1280 x 800 pixels or more
+PITCH = np.radians(48.0)  # how far the eye looks down
+FILL = 0.94  # share of the view that the building may fill
+ROOF = 0.6  # m
+
+
+def eye_on(framing: Framing) -> tuple[Array, Array]:
+    """Where an eye is, and what it looks at, (3,) m each, so that it sees all of the framing's outline from above.
+
+    It looks across the longer side, so that this lies along the window, from as near as a window of
+    :data:`WINDOW` allows, and puts what it sees in the middle of the view.
+    """
+    low, high = framing.outline.min(axis=0), framing.outline.max(axis=0)
+    width, height = np.maximum(high - low, 1.0)
+    back = np.array([1.0, 0.0]) if height > width else np.array([0.0, -1.0])  # from the content to the eye
+    toward = np.array([*(np.cos(PITCH) * back), np.sin(PITCH)])
+    right = np.array([-back[1], back[0], 0.0])
+    up = np.cross(toward, right)
+    corners = np.concatenate([np.insert(framing.outline, 2, z, axis=1) for z in (0.0, ROOF)])
+    target = np.array([*((low + high) / 2), 0.0])
+    distance, most = 4.0 * max(width, height), FILL * np.tan(VIEWING_ANGLE / 2)
+    for _ in range(30):  # settles in a few
+        seen = corners - target
+        depth = distance - seen @ toward
+        across, along = seen @ right / depth, seen @ up / depth
+        aside, ahead = (across.min() + across.max()) / 2, (along.min() + along.max()) / 2
+        target = target + 0.7 * distance * (aside * right + ahead * np.array([*(-back / np.sin(PITCH)), 0.0]))
+        reach = max(np.ptp(across) / 2 / WINDOW, np.ptp(along) / 2)
+        distance *= (reach / most) ** 0.7
+    return target + distance * toward, target

@@ -1,40 +1,65 @@
 """The two markdown pages of a recording: what each entity shows, and what was run with which settings."""
 
 import platform
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from pfslam_viz import __version__
 from pfslam_viz.config import Config
 from pfslam_viz.recordings.findings import Severity, of
 from pfslam_viz.recordings.recording import Recording
-from pfslam_viz.viewer.entities import COLOR_NAMES, ENTITIES, FILTER, RUNS, Color, Entity, Kind
+from pfslam_viz.replay import Result
+from pfslam_viz.viewer.entities import COLOR_NAMES, ENTITIES, FILTER, Color, Entity, Kind
+from pfslam_viz.viewer.outcome import outcome
 
 INTRODUCTION = (
     "Drag the timeline at the bottom, or press the space bar to play. `step` counts scans; `time` is seconds since the"
     " first one. **Compare** shows what the wheels and the gyro alone believe (dead reckoning, vermilion) beside what"
     " the particle filter makes of it ({runs}), on the same piece of floor. The truth, where it is known, is green."
-    " **Filter** follows the robot and its particles."
+    " **Filter** follows the robot and its particles. **Events** lists what"
+    " happened: click an event's step to go there."
 )
 
+PLOTTED = (Kind.CURVE, Kind.MARKS)
 SHOWN: tuple[tuple[Severity, str], ...] = (("wrong", "Wrong"), ("doubtful", "Doubtful"))
 
 
-def help_page(runs: Sequence[str], logged: Iterable[str] | None) -> str:
-    """What each entity in ``logged`` shows (None: all there can be), for the given runs."""
+def help_page(colors: Mapping[str, Color], logged: Iterable[str] | None) -> str:
+    """What each entity in ``logged`` shows (None: all there can be), for runs of these names and colours."""
     known = None if logged is None else set(logged)
-    colors = dict(zip(runs, RUNS, strict=False))
-    names = [COLOR_NAMES[color] for color in colors.values()]
-    named = names[0] if len(runs) == 1 else ", ".join(f"{r} {c}" for r, c in zip(runs, names, strict=True))
+    runs, named = list(colors), _named(colors)
     lines = ["# What you see", "", INTRODUCTION.format(runs=named), ""]
-    rows = [row for row in ENTITIES if row.kind is not Kind.CURVE]
+    rows = [row for row in ENTITIES if row.kind not in PLOTTED]
     own, shared = [r for r in rows if r.owner == "{run}"], [r for r in rows if r.owner != "{run}"]
     for run, color in colors.items():
         title = "Particle filter" if len(runs) == 1 else f"`{run}`"
         lines += _table(title, [line for row in own for line in _lines(row, run, color)], known)
     lines += _table("Dead reckoning and truth", [line for row in shared for line in _lines(row, "", FILTER)], known)
-    curves = [row for row in ENTITIES if row.kind is Kind.CURVE]
+    curves = [row for row in ENTITIES if row.kind in PLOTTED]
     of_curves = [line for row in curves for run, color in colors.items() for line in _lines(row, run, color)]
     lines += _table("Curves", list(dict.fromkeys(of_curves)), known)
+    return "\n".join(lines)
+
+
+def _named(colors: Mapping[str, Color]) -> str:
+    """The one run's colour, or each run with its colour."""
+    names = [COLOR_NAMES[color] for color in colors.values()]
+    return names[0] if len(names) == 1 else ", ".join(f"{r} {c}" for r, c in zip(colors, names, strict=True))
+
+
+def legend_page(colors: Mapping[str, Color], recording: Recording) -> str:
+    """What the colours beside the maps mean, in few words, and what to look for."""
+    lines = [
+        "**Look for** walls: dead reckoning doubles and bends them, the filter keeps each in its place.",
+        "",
+        "- white free, black wall, grey-green unknown",
+        "- vermilion: dead reckoning",
+        *([f"- {_named(colors)}: the filter, as estimated then"] if len(colors) == 1 else []),
+        *(f"- {COLOR_NAMES[color]}: {run}" for run, color in colors.items() if len(colors) > 1),
+        *(["- thin green: the truth"] if recording.truth is not None else []),
+        "- dots: the lidar now; light blue on a known wall, magenta on none",
+        "- violet, in the last step: the trajectory and closed loops in hindsight",
+        "- ellipse: where the robot is by 2 sigmas",
+    ]
     return "\n".join(lines)
 
 
@@ -55,8 +80,13 @@ def _table(title: str, rows: list[tuple[str, str]], known: set[str] | None) -> l
     return [f"## {title}", "", "| entity | shows |", "| --- | --- |", *kept, ""] if kept else []
 
 
-def about_page(recording: Recording, configs: Sequence[Config], left_out: Sequence[str] = ()) -> str:
-    """The recording, the configurations, what was left out, and the versions."""
+def about_page(
+    recording: Recording,
+    configs: Sequence[Config],
+    left_out: Sequence[str] = (),
+    results: Mapping[str, Result] | None = None,
+) -> str:
+    """The recording, what came of the runs, the configurations, how much of it all is drawn, and the versions."""
     import numpy
     import rerun
 
@@ -75,17 +105,25 @@ def about_page(recording: Recording, configs: Sequence[Config], left_out: Sequen
         f"| truth | {'known' if recording.truth is not None else 'unknown'} |",
         "",
     ]
+    lines += outcome(results or {})
     for severity, title in SHOWN:
         if found := of(recording.findings, severity):
             lines += [f"## {title}", "", *(f"- {finding.line}" for finding in found), ""]
     if recording.notes:
         lines += ["## Notes", "", *(f"- {note}" for note in recording.notes), ""]
+    if frames is not None and any(config.texture.enabled for config in configs):
+        from pfslam_viz.texture import find_camera
+
+        lines += ["## Camera", ""]
+        cameras = [(c.name, find_camera(frames, c.texture.camera)) for c in configs if c.texture.enabled]
+        lines += [f"- `{name}`: {camera.text}" for name, camera in cameras]
+        lines += [*dict.fromkeys(f"- {camera.note}" for _, camera in cameras if camera.note), ""]
     for config in configs:
         settings = _flat(config.model_dump(exclude={"name"}))
         lines += [f"## Configuration `{config.name}`", "", "| key | value |", "| --- | --- |"]
         lines += [*(f"| {key} | {value} |" for key, value in settings), ""]
     if left_out:
-        lines += ["## Left out of this recording", "", *(f"- {phrase}" for phrase in left_out), ""]
+        lines += ["## How much of it is drawn", "", *(f"- {phrase}" for phrase in left_out), ""]
     python = platform.python_version()
     lines += [
         "## Versions",

@@ -39,6 +39,8 @@ class ScanCopy:
     dead_reckoning_end_points: Points
     correction: Array | None
     degenerate: Array | None
+    resampled: bool
+    informative: bool
     curves: dict[str, float]
 
     @classmethod
@@ -67,6 +69,8 @@ class ScanCopy:
             dead_reckoning_end_points=step.dead_reckoning_end_points[::every_reckoned].astype(np.float32),
             correction=None if match is None else np.array(match.correction),
             degenerate=None if match is None or match.degenerate is None else np.array(match.degenerate),
+            resampled=bool(estimate.resampled),
+            informative=bool(estimate.informative),
             curves=curves,
         )
 
@@ -115,6 +119,8 @@ class ScanBatch:
     dead_reckoning_end_points: Ragged
     correction: Array | None
     degenerate: tuple[Array | None, ...]
+    resampled: NDArray[np.bool_]
+    informative: NDArray[np.bool_]
     curves: dict[str, Array]
 
     @classmethod

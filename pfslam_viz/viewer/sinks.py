@@ -18,7 +18,9 @@ import rerun as rr
 
 from pfslam_viz.errors import InputError, PfslamError
 from pfslam_viz.files import replaced
+from pfslam_viz.viewer import stdout_pipe
 from pfslam_viz.viewer.connections import check_answers, serve_at, spawn_viewer
+from pfslam_viz.viewer.stdout_pipe import StdoutPipe
 
 APPLICATION_ID = "pfslam-viz"
 FLUSH_SECONDS = 2.0  # a viewer has this long to take a block before it counts as slow
@@ -35,7 +37,13 @@ class _Destination:
     stream: rr.RecordingStream
     live: bool
     to_file: bool = False
+    pipe: StdoutPipe | None = None
     slow: int = 0
+
+    def close(self, seconds: float) -> bool:
+        """Disconnect; False where it hangs, and is left behind after ``seconds``."""
+        closed = _close_in_time(self.stream, seconds)
+        return (self.pipe is None or self.pipe.close(seconds)) and closed
 
 
 @dataclass
@@ -113,6 +121,7 @@ class Sink:
 
         Raises PfslamError when the file cannot be written, as on a full disk.
         """
+        self.check_read()
         for d in list(self._destinations):
             try:
                 d.stream.flush(timeout_sec=FLUSH_SECONDS if d.live else WRITE_SECONDS)
@@ -121,19 +130,32 @@ class Sink:
                 d.slow += 1
                 if d.to_file:
                     self._destinations.remove(d)
-                    _close_in_time(d.stream, 1.0)
+                    d.close(1.0)
                     raise PfslamError(f"{d.name}: cannot be written (is the disk full?): {error}") from None
                 if "timed out" not in str(error) or not d.live:
                     self._drop(d, "went away")
                 elif d.slow >= PATIENCE:
                     self._drop(d, "stopped answering")
 
+    def check_read(self) -> None:
+        """Drop standard output if nobody reads it any more, without waiting for anything.
+
+        Raises PfslamError where it was the only destination: there is nothing left to run for.
+        """
+        for d in [d for d in self._destinations if d.pipe is not None and d.pipe.unread]:
+            if len(self._destinations) > 1:
+                self._drop(d, "went away")
+                continue
+            self._destinations.remove(d)
+            d.close(1.0)
+            raise PfslamError("nobody reads standard output any more: the run has ended")
+
     def _drop(self, destination: _Destination, why: str) -> None:
         rest = [d for d in self._destinations if d is not destination]
         to = f"; {self.path} is still being written" if self.path is not None else ""
         self._destinations = rest
         self.say(f"{destination.name} {why} in mid-run: the run goes on without it{to}")
-        _close_in_time(destination.stream, 1.0)
+        destination.close(1.0)
 
     def _close_files(self) -> None:
         while self._closers:
@@ -141,14 +163,14 @@ class Sink:
         self.check()
         for d in [d for d in self._destinations if not d.live]:
             self._destinations.remove(d)
-            if not _close_in_time(d.stream, WRITE_SECONDS) and d.to_file:
+            if not d.close(WRITE_SECONDS) and d.to_file:
                 raise PfslamError(f"{d.name}: could not be completed within {WRITE_SECONDS:.0f} s")
 
     def _close(self) -> None:
         self._close_files()
         while self._destinations:
             d = self._destinations.pop()
-            if not _close_in_time(d.stream, CLOSE_SECONDS):
+            if not d.close(CLOSE_SECONDS):
                 self.say(f"{d.name} did not take everything within {CLOSE_SECONDS:.0f} s")
 
 
@@ -213,8 +235,14 @@ def open_sinks(
             timeline(False)
         return made
 
-    def add(name: str, opened: rr.RecordingStream, live: bool = False, to_file: bool = False) -> None:
-        sink._destinations.append(_Destination(name, opened, live, to_file))
+    def add(
+        name: str,
+        opened: rr.RecordingStream,
+        live: bool = False,
+        to_file: bool = False,
+        pipe: StdoutPipe | None = None,
+    ) -> None:
+        sink._destinations.append(_Destination(name, opened, live, to_file, pipe))
 
     served: str | None = None
     with ExitStack() as files:
@@ -225,8 +253,9 @@ def open_sinks(
             add(str(save), to_file, to_file=True)
         if stdout:
             to_stdout = stream(live=False)
+            pipe = StdoutPipe() if stdout_pipe.fits() else None
             to_stdout.stdout()
-            add("standard output", to_stdout)
+            add("standard output", to_stdout, pipe=pipe)
         if serve:
             address = serve if isinstance(serve, str) else bind
             to_server = stream(live=True)

@@ -8,6 +8,7 @@ from pfslam_viz.replay import Result
 from pfslam_viz.step import Step
 from pfslam_viz.viewer.collector import Collector, StreamOptions
 from pfslam_viz.viewer.drawing import Drawing, send_scene
+from pfslam_viz.viewer.entities import run_colors
 from pfslam_viz.viewer.framing import Framing
 from pfslam_viz.viewer.sinks import Sink
 
@@ -29,11 +30,15 @@ class ReplayStream:
 
     @property
     def left_out(self) -> list[str]:
-        """What the recording does not hold, a phrase each."""
+        """How much of what the recording does not hold whole is in it, a phrase each."""
         return self._collector.left_out
 
     def log(self, step: Step) -> None:
-        """Log one scan. Scans are collected and drawn in batches."""
+        """Log one scan. Scans are collected and drawn in batches.
+
+        Raises PfslamError once nobody is left who would see it.
+        """
+        self._drawing.sink.check_read()
         self._collector.add(step)
         now = time.monotonic()
         if len(self._collector) == BATCH_ROWS or (self._drawing.sink.live and now - self._flushed > LIVE_SECONDS):
@@ -45,7 +50,7 @@ class ReplayStream:
         self._collector.finish(result)
         self.flush()
         framing = Framing.of_results([result]) if self._alone and len(result.stamps) else None
-        self._drawing.finish(framing, self.left_out)
+        self._drawing.finish(framing, self.left_out, result)
 
     def flush(self) -> None:
         """Draw what was collected so far."""
@@ -63,6 +68,7 @@ def replay_stream(
 ) -> ReplayStream:
     """The stream of a recording's only run to a sink."""
     options = options or StreamOptions()
-    drawing = Drawing(recording, config, sink, options.max_particles)
+    color = run_colors([config])[0]
+    drawing = Drawing(recording, config, sink, options.max_particles, color=color)
     send_scene([drawing], Framing.of_recording(recording))
-    return ReplayStream(Collector(recording, options), drawing)
+    return ReplayStream(Collector(recording, config, options), drawing)

@@ -9,7 +9,7 @@ from pfslam_viz.recordings.recording import Frames, Recording
 from pfslam_viz.viewer import entities
 from pfslam_viz.viewer.contents import IMAGE_SCALE
 from pfslam_viz.viewer.entities import ENTITIES, Color, Entity, Kind
-from pfslam_viz.viewer.framing import Framing, overhead_camera
+from pfslam_viz.viewer.framing import Framing, overhead_camera, round_length
 from pfslam_viz.viewer.sinks import Sink
 
 CLOSE_UP, LOUPE = "close_up", "loupe"  # the cameras that follow the robot
@@ -23,12 +23,16 @@ _ANGLE = np.linspace(0.0, 2 * np.pi, 65)
 UNIT_CIRCLE = np.stack([np.cos(_ANGLE), np.sin(_ANGLE), 0 * _ANGLE], axis=-1)
 
 
-def style_run(sink: Sink, run: str, color: Color, frames: Frames | None) -> None:
-    """Style what one run has of its own."""
+FEW = 50  # particles that are drawn larger
+
+
+def style_run(sink: Sink, run: str, color: Color, frames: Frames | None, particles: int) -> None:
+    """Style what one run, of so many particles, has of its own."""
     for row in ENTITIES:
         if row.owner == "{run}":
-            _style(sink, row, run, color, frames)
+            _style(sink, row, run, color, frames, few=particles <= FEW)
     sink.log_static(f"{entities.FOLLOW.path(run)}/{CLOSE_UP}", *_hanging_camera(FOLLOW_HEIGHT))
+    sink.log_static(scale_bar_path(run, CLOSE_UP), _scale_bar((0.0, 0.0), FOLLOW_HEIGHT, FOLLOW_HEIGHT))
     log_loupe(sink, run, None)
 
 
@@ -42,12 +46,32 @@ def style_shared(sink: Sink, recording: Recording) -> None:
 def log_framing(sink: Sink, framing: Framing) -> None:
     """Point the overview's camera at a piece of floor."""
     sink.log_static(entities.OVERVIEW, *overhead_camera(framing.center, framing.height, framing.aspect))
+    sink.log_static(entities.SCALE_BAR, _scale_bar(framing.center, framing.width, framing.height))
 
 
 def log_loupe(sink: Sink, run: str, spread: float | None) -> None:
     """Let the particles' own view show what a cloud of this standard deviation (m; None: not known yet) needs."""
     height = 1.0 if spread is None else float(np.clip(12.0 * spread, *LOUPE_HEIGHTS))
     sink.log_static(f"{entities.FOLLOW.path(run)}/{LOUPE}", *_hanging_camera(height))
+    sink.log_static(scale_bar_path(run, LOUPE), _scale_bar((0.0, 0.0), height, height))
+
+
+def scale_bar_path(run: str, camera: str) -> str:
+    """The entity path of the scale bar that belongs to one of the cameras that follow the robot."""
+    return f"{entities.FOLLOW.path(run)}/{camera}_scale_bar"
+
+
+def _scale_bar(center: tuple[float, float], width: float, height: float) -> rr.LineStrips3D:
+    """A line of round length, with ticks at its ends, in the lower left corner of a piece of floor."""
+    length, tick = round_length(width / 5), height / 80
+    left, y = center[0] - 0.46 * width, center[1] - 0.45 * height
+    bar = [[left, y + tick], [left, y - tick], [left, y], [left + length, y], [left + length, y + tick]]
+    bar += [[left + length, y - tick]]
+    text = f"{length:g} m" if length >= 1 else f"{100 * length:g} cm"
+    points = np.insert(np.array(bar), 2, entities.POSE_Z, axis=1)
+    return rr.LineStrips3D(
+        [points], colors=(20, 20, 20), radii=rr.Radius.ui_points(1.25), labels=text, show_labels=True
+    )
 
 
 def log_page(sink: Sink, path: str, text: str) -> None:
@@ -60,9 +84,9 @@ def _hanging_camera(height_on_floor: float) -> tuple[rr.Transform3D, rr.Pinhole]
     return overhead_camera((0.0, 0.0), height_on_floor, aspect=1.0, above=5.0)
 
 
-def _style(sink: Sink, row: Entity, run: str, run_color: Color, frames: Frames | None) -> None:
+def _style(sink: Sink, row: Entity, run: str, run_color: Color, frames: Frames | None, few: bool = False) -> None:
     """Log the static style of one row of the table, if its kind has one."""
-    color, radius = row.rgb(run_color), rr.Radius.ui_points(row.width)
+    color, radius = row.rgb(run_color), rr.Radius.ui_points((few and row.few) or row.width)
     match row.kind:
         case Kind.POINTS:
             style: Any = rr.Points3D.from_fields(colors=color, radii=radius)
@@ -78,7 +102,15 @@ def _style(sink: Sink, row: Entity, run: str, run_color: Color, frames: Frames |
             style = rr.LineStrips3D([UNIT_CIRCLE], colors=color, radii=radius)
         case Kind.CURVE:
             name = run if row.owner == "{run}" else row.owner
-            style = rr.SeriesLines(colors=color, widths=row.width, names=name.replace("_", " "))
+            name += ": threshold" if row is entities.N_EFF_LIMIT else ""
+            keep = rr.components.AggregationPolicy[row.keep]
+            style = rr.SeriesLines(
+                colors=color, widths=row.width, names=name.replace("_", " "), aggregation_policy=keep
+            )
+        case Kind.MARKS:
+            style = rr.SeriesPoints(
+                colors=color, marker_sizes=row.width, markers="Circle", names=f"{run}: resampled".replace("_", " ")
+            )
         case Kind.ROBOT:
             shape, outline = row.visible(run)
             sink.log_static(shape, _arrow_head(color))

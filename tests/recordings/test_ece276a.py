@@ -62,7 +62,7 @@ def test_folder_layouts(write_set: WriteSet, tmp_path: Path, where: str, images:
     assert recording.frames.disparity_paths == (None, place / "dataRGBD/Disparity7/disparity7_2.png", None)
     np.testing.assert_allclose(recording.frames.color_stamps, stamps)
     assert recording.frames.camera.position[2] == pytest.approx(0.38001 + 0.127)
-    assert recording.frames.camera.pitch == pytest.approx(np.radians(18))
+    assert recording.frames.camera.pitch == pytest.approx(0.36)
     assert any("2 of 4 colour" in note for note in recording.notes)
     assert any("1 images in RGB7 have no time stamp" in note for note in recording.notes)
 

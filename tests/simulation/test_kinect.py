@@ -6,8 +6,9 @@ from numpy.typing import NDArray
 
 from pfslam_viz.config import load_robot
 from pfslam_viz.robot import CameraGeometry, Intrinsics
+from pfslam_viz.simulation.camera_errors import NO_READING
 from pfslam_viz.simulation.floor import CHECKER
-from pfslam_viz.simulation.kinect import NO_READING, eyes, render_color, render_disparity
+from pfslam_viz.simulation.kinect import eyes, render_color, render_disparity
 from pfslam_viz.simulation.world import Plan, World
 
 Colors = Callable[[World, NDArray[np.float64]], NDArray[np.float64]]
@@ -47,7 +48,7 @@ def test_nothing_beyond_8_m() -> None:
 
 def test_the_colour_of_a_depth_pixel_is_where_the_conversion_says(floor_colors: Colors) -> None:
     """Through DATA's printed map from depth to colour pixels, the floor's colour is found at every floor pixel."""
-    robot_camera = load_robot().ground_camera()
+    robot_camera = load_robot("ece276a-paper").ground_camera()
     assert robot_camera is not None
     world, pose = room(), np.array([-1.0, 0.4, 0.3])
     color_eye, depth_eye = eyes(robot_camera)

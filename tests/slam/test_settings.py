@@ -31,8 +31,10 @@ from pfslam_viz.slam.graph.scan_store import ScanStore
 from pfslam_viz.slam.graph.settings import (
     DriftConfig,
     EvidenceConfig,
+    FilterConstraintsConfig,
     GraphConfig,
     LoopClosingConfig,
+    OdometryConfig,
     ScanMatchingConfig,
     SmoothingConfig,
 )
@@ -68,7 +70,7 @@ OTHER: dict[str, Any] = {
     "scan_matching.fewest_points": 110,
     "rao_blackwellized.scan_good": 0.99,
     "rao_blackwellized.scan_better": 0.0,
-    "rao_blackwellized.scan_unseen": 1.0,
+    "rao_blackwellized.scan_unseen": 0.5,
     "rao_blackwellized.scan_near": 0.0,
     "rao_blackwellized.scan_freedom": 1000.0,
     "rao_blackwellized.scan_noise_distance": 10.0,
@@ -94,7 +96,6 @@ GIVEN = {
     "resampling.scheme": ["resampling.policy=always"],
     "odometry": ["odometry.prior_motions=1", "odometry.scale_motions=3"],
     "rao_blackwellized.scan_good": ["odometry.prior_motions=1"],
-    "rao_blackwellized.scan_unseen": ["rao_blackwellized.update_distance=10.0"],
     "rao_blackwellized.scan_better": ["rao_blackwellized.scan_good=1.0"],
     "rao_blackwellized.scan_freedom": ["rao_blackwellized.scan_near=0.0"],
     "rao_blackwellized.scan_noise_distance": ["rao_blackwellized.scan_near=0.1"],
@@ -225,7 +226,7 @@ def test_every_setting_of_the_filter_with_a_map_per_particle(key: str, field: Fi
     assert differs("default", key, field, "particles=3", "loop_closing.enabled=false")
 
 
-@pytest.mark.parametrize("key", ["texture.enabled", "texture.floor_tolerance", "texture.max_range"])
+@pytest.mark.parametrize("key", ["texture.enabled", "texture.camera", "texture.floor_tolerance", "texture.max_range"])
 @pytest.mark.parametrize("name", ["paper", "default"])
 def test_every_setting_of_the_texture(name: str, key: str, filmed: Recording) -> None:
     config = load_config(name, ["particles=2"])
@@ -274,13 +275,16 @@ def store_of(scans: list[Array]) -> ScanStore:
 def settled(given: Round, smoothing: SmoothingConfig, loops: LoopClosingConfig) -> str:
     """The trajectory in hindsight, its loops, and where one would go on to look for more."""
     poses, odometry, scans = given
-    smoother = Smoother(store_of(scans), odometry, GraphConfig(smoothing=smoothing, loop_closing=loops))
+    config = GraphConfig(smoothing=smoothing, loop_closing=loops, filter_constraints=NO_FILTER, odometry=ODOMETRY)
+    smoother = Smoother(store_of(scans), odometry, config)
     smoothed = smoother.smooth(poses)
     looked = find_candidates(poses, smoother.drift(poses, smoothed.closed), loops)
     return digest(smoothed.poses, smoothed.closed, looked.earlier, looked.later, looked.reach, looked.turn)
 
 
 SMOOTHING = SmoothingConfig(radius=1.0)
+ODOMETRY = OdometryConfig(least_noise=1.0)  # it seems better than it is, for it is right but where the lidar is blind
+NO_FILTER = FilterConstraintsConfig(fewest_walls=10**6)  # the poses are the odometry's: no filter found them
 LOOPS = LoopClosingConfig(least_reach=3.0)
 OTHER |= {
     "rounds": 4,
@@ -345,23 +349,24 @@ DRIFT_GIVEN = {"usual_distance": {"triangles": 10**6}, "usual_angle": {"triangle
 
 @pytest.mark.parametrize("key", DriftConfig.model_fields)
 def test_every_setting_of_drift(key: str, round_the_block: Round) -> None:
-    """It changes how far loops are looked for."""
+    """It changes how far loops are looked for, seen from the last key scan, where two pairs are held together."""
     poses, odometry, scans = round_the_block
+    links = np.array([[0, 90], [5, 140]])
     store, given = store_of(scans), DriftConfig().model_dump() | DRIFT_GIVEN.get(key, {})
     value = DRIFT_OTHER.get(key, changed("", DriftConfig.model_fields[key], given[key]))
     reaches = []
     for change in ({}, {key: value}):
         config = GraphConfig(smoothing=SMOOTHING, drift=DriftConfig.model_validate(given | change))
-        drift = Smoother(store, odometry, config).drift(geometry.accumulate(odometry), np.zeros((0, 2), np.int64))
+        drift = Smoother(store, odometry, config).drift(poses, links)
         reaches.append(digest(*drift.before(len(poses) - 1)))
     assert reaches[0] != reaches[1]
 
 
 EVIDENCE_OTHER: dict[str, Any] = {
     "apart": 3,
-    "visits": 1,
+    "visits": 0,
     "turn_length": 20.0,
-    "fewest_points": 170,
+    "fewest_points": 182,
     "gap": 0.5,
     "wall_reach": 0.01,
     "margin": 1.0,
@@ -390,7 +395,7 @@ def test_how_sure_one_must_be_decides_what_is_kept(sure: float, kept: str) -> No
     list(replay)
     result = replay.result()
     assert result.kept is not None and result.kept.trajectory == kept
-    assert (result.estimate == result.online).all() == (kept == "online")
+    assert np.allclose(result.estimate, replay.slam.trajectory())
 
 
 @pytest.mark.parametrize("searches", [1, 2])

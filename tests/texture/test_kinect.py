@@ -16,7 +16,7 @@ def test_depth_from_disparity_by_hand() -> None:
 
 
 def test_a_view_has_the_ray_of_every_pixel() -> None:
-    camera = load_robot().ground_camera()
+    camera = load_robot("ece276a-paper").ground_camera()
     assert camera is not None
     view = FloorView.of(camera, 0.05, 4.0)
     pose = camera.robot_from_optical()
@@ -31,7 +31,7 @@ def test_a_view_has_the_ray_of_every_pixel() -> None:
 
 def test_first_row_and_reach_by_hand() -> None:
     """With the camera 18 degrees down and 0.507 m high; 4 m ahead of it floor within 5 cm begins at atan(0.457 / 4)."""
-    camera = load_robot().ground_camera()
+    camera = load_robot("ece276a-paper").ground_camera()
     assert camera is not None
     view = FloorView.of(camera, 0.05, 4.0)
     # 6.518 degrees down are 11.482 above the optical axis: 585.051 * tan(11.482 deg) = 118.84 rows above 242.94.
@@ -49,7 +49,7 @@ def test_first_row_and_reach_by_hand() -> None:
 
 
 def test_a_camera_that_looks_up_sees_no_floor() -> None:
-    camera = load_robot().ground_camera()
+    camera = load_robot("ece276a-paper").ground_camera()
     assert camera is not None
     view = FloorView.of(camera.model_copy(update={"pitch": -0.9}), 0.05, 4.0)
     assert view.reach == 0.0

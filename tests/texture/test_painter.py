@@ -39,7 +39,7 @@ def write(path: Path, image: np.ndarray) -> Path:
 
 
 def frames_of(folder: Path, stamps: list[float], **replaced: dict[int, Path | None]) -> Frames:
-    camera = load_robot().ground_camera()
+    camera = load_robot("ece276a-paper").ground_camera()
     assert camera is not None
     color = write(folder / "color.png", np.full((480, 640, 3), (30, 20, 10), np.uint8))  # BGR on disk
     disparity = write(folder / "disparity.png", np.full((480, 640), 712, np.uint16))

@@ -18,6 +18,7 @@ from pfslam_viz.config import Config
 from pfslam_viz.recordings.recording import Frames, Lidar, Recording, Trajectory
 from pfslam_viz.replay import Result
 from pfslam_viz.robot import CameraGeometry
+from pfslam_viz.settings import ResamplingConfig
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.slam.protocol import Estimate, LoopClosure, Match
 from pfslam_viz.step import Step
@@ -86,7 +87,7 @@ class Corridor:
                     mean=geometry.mean_pose(particles, weights),
                     covariance=np.cov(particles.T, aweights=weights, ddof=0),
                     n_eff=float(1.0 / (weights**2).sum()),
-                    resampled=True,
+                    resampled=k % 4 == 3,
                     informative=True,
                     parents=rng.integers(0, PARTICLES, PARTICLES),
                     match=match if self.rich else None,
@@ -118,7 +119,7 @@ class Corridor:
             grid=steps[-1].grid,
             dead_reckoning_grid=steps[-1].dead_reckoning_grid,
             seconds={"update": np.full(n, 0.001)},
-            resamplings=n,
+            resamplings=n // 4,
             uninformative=0,
             interrupted=interrupted,
             closures=(LoopClosure(0, n - 1, online[0, :2], online[n - 1, :2]),) if self.rich else (),
@@ -163,7 +164,9 @@ def _corridor(folder: Path, rich: bool) -> Corridor:
         frames=frames,
         truth=Trajectory(stamps, truth),
     )
-    return Corridor(recording, Config(name="test", particles=PARTICLES), rich)
+    return Corridor(
+        recording, Config(name="test", particles=PARTICLES, resampling=ResamplingConfig(policy="n_eff")), rich
+    )
 
 
 @pytest.fixture(scope="session")

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from tests.viewer.conftest import Corridor
 
 
+PACKED = [(r << 24) | (g << 16) | (b << 8) | 255 for r, g, b in WEIGHT_RAMP]
+
+
 def columns(sent: Any) -> dict[str, Any]:
     """Rows by component name: lists of what each row holds."""
     return {c.component_descriptor().component.split(":")[-1]: c.as_arrow_array().to_pylist() for c in sent}
@@ -36,14 +39,21 @@ def test_particles_are_coloured_by_weight_and_the_heaviest_comes_last(two_scans:
         estimate = step.estimate
         assert len(positions) == len(estimate.particles)
         np.testing.assert_allclose(positions[-1][:2], estimate.best[:2], atol=0.005)
-        r, g, b = WEIGHT_RAMP[-1]
-        assert colors[-1] == (r << 24) | (g << 16) | (b << 8) | 255
+        assert colors[-1] in PACKED[6:] and PACKED.index(colors[-1]) > PACKED.index(colors[0])
         lightest = np.argmin(estimate.weights)
         np.testing.assert_allclose(positions[0][:2], estimate.particles[lightest, :2], atol=0.005)
         assert positions[-1][2] > positions[0][2]  # and lies on top
     heading = two_scans[1].estimate.best[2]
     vector = arrows["vectors"][1][-1]
     assert np.arctan2(vector[1], vector[0]) == pytest.approx(heading, abs=0.01)
+
+
+def test_equal_weights_are_of_middle_colour_and_not_all_black() -> None:
+    """As after resampling. Ten times an average weight is the darkest, none the lightest."""
+    n = 10
+    assert archetypes.weight_levels(np.full(n, 1.0, np.float32)).tolist() == [5] * n
+    levels = archetypes.weight_levels(np.array([0.0, 0.2, 1.0, 3.0, 10.0, 500.0], np.float32))
+    assert levels.tolist() == [0, 1, 5, 7, 9, 9]
 
 
 def test_thinning_keeps_the_heaviest(two_scans: list[Step]) -> None:

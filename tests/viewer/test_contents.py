@@ -12,12 +12,19 @@ from pfslam_viz.texture.floor_texture import FloorTexture
 from pfslam_viz.viewer import contents
 
 
-def test_occupancy_is_counted_as_ros_does() -> None:
-    log_odds = np.array([[0.0, np.log(4), -np.log(4), 0.0, 50.0, -50.0, 0.0]], np.float32)
-    values, rows, columns = contents.occupancy(log_odds)
-    assert (rows, columns) == (slice(0, 1), slice(1, 6)) and values.shape == (1, 5)
-    assert values[0, :2] == pytest.approx([80, 20], abs=1)  # 4 to 1, and 1 to 4
-    assert values[0, 2:].tolist() == [255, 100, 0]
+def test_one_observation_is_enough_for_white_or_black() -> None:
+    """A map of key scans, each counted little, shows what one of many scans shows that count much."""
+    hit, miss = 0.9, 0.1
+    log_odds = np.array([[0.0, hit, -miss, 0.0, hit / 2, -miss / 2, 50.0, -50.0, hit - miss, 0.0]], np.float32)
+    values, rows, columns = contents.occupancy(log_odds, hit, miss)
+    assert (rows, columns) == (slice(0, 1), slice(1, 9)) and values.shape == (1, 8)
+    assert values[0, :2].tolist() == [100, 0]
+    assert values[0, 2] == contents.UNKNOWN
+    assert values[0, 3:5] == pytest.approx([75, 25], abs=5)
+    assert values[0, 5:7].tolist() == [100, 0]
+    assert values[0, 7] == 95  # one of each: eight ninths of a hit, in steps of a 120th
+    once, _, _ = contents.occupancy(np.array([[np.log(4), -np.log(4)]], np.float32), np.log(4), np.log(4))
+    assert once.tolist() == [[100, 0]]
 
 
 def test_a_marked_cell_lies_where_it_is_the_right_way_up() -> None:

@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+import rerun as rr
 from numpy.typing import NDArray
 
+from pfslam_viz.config import Config
 from pfslam_viz.viewer import entities
 from pfslam_viz.viewer.entities import ENTITIES, Color, Entity, Kind, View
 
@@ -118,8 +120,8 @@ def test_every_row_that_is_visible_is_on_the_help_page(file: "Readable", row: En
         assert f"`/{path}` | {name}" in page or row.kind in (Kind.BOXES, Kind.CURVE)
 
 
-COLORED = {Kind.CAMERA: "color", Kind.CURVE: "colors", Kind.BOXES: "colors"}
-PLAIN = (Kind.GRID, Kind.IMAGE, Kind.FRAME)  # their data say all
+COLORED = {Kind.CAMERA: "color", Kind.CURVE: "colors", Kind.MARKS: "colors", Kind.BOXES: "colors"}
+PLAIN = (Kind.GRID, Kind.IMAGE, Kind.FRAME, Kind.EVENTS)  # their data say all
 
 
 @each_row
@@ -137,8 +139,11 @@ def test_the_static_style_is_the_rows(file: "Readable", row: Entity) -> None:
             assert file.static(path, COLORED.get(row.kind, "colors")) == [packed]
         if row.kind is Kind.CURVE:
             assert file.static(path, "widths") == [row.width]
+            assert file.static(path, "aggregation_policy") == [rr.components.AggregationPolicy[row.keep].value]
+        elif row.kind is Kind.MARKS:
+            assert file.static(path, "marker_sizes") == [row.width]
         elif row.kind not in COLORED:
-            assert file.static(path, "radii") == [-row.width]  # negative: in ui points
+            assert file.static(path, "radii") == [-(row.few or row.width)]  # negative: in ui points; 40 particles
 
 
 TITLES = {
@@ -148,6 +153,7 @@ TITLES = {
     View.THREE_D: "3-D",
     View.COLOR_CAMERA: "Colour camera",
     View.DEPTH_CAMERA: "Depth camera (bright is near)",
+    View.EVENTS: "Events",
 }
 RECKONED, FILTERED = "Dead reckoning: wheels and gyro alone", "Particle filter"
 SIDES = {"{run}": {FILTERED}, "dead_reckoning": {RECKONED}, "truth": {RECKONED, FILTERED}}
@@ -190,3 +196,30 @@ def test_the_layout_holds_at_least_this(file: "Readable") -> None:
             "Surviving lineages",
         ]
     )
+
+
+def test_every_map_has_a_scale_bar_of_round_length(file: "Readable") -> None:
+    """A fifth of the view at most, and as long as its label says."""
+    views = {view.name: view for view in file.views()}
+    overview, follow = "world/scale_bar", "world/filter/follow"
+    bars = {RECKONED: overview, FILTERED: overview, TITLES[View.TEXTURE]: overview}
+    bars |= {TITLES[View.CLOSE_UP]: f"{follow}/close_up_scale_bar", TITLES[View.LOUPE]: f"{follow}/loupe_scale_bar"}
+    for name, path in bars.items():
+        assert path in views[name].contents, name
+        points = np.array(file.static(path, "strips")[0])
+        (label,) = file.static(path, "labels")
+        number, unit = label.split()
+        length = float(number) / {"m": 1, "cm": 100}[unit]
+        assert np.ptp(points[:, 0]) == pytest.approx(length, rel=1e-4), name
+        assert number.strip("0.") in ("1", "2", "5")
+    assert file.static(f"{follow}/close_up_scale_bar", "labels") == ["1 m"]
+
+
+def test_a_configuration_keeps_its_colour() -> None:
+    default, paper, other = (Config(name=name) for name in ("default", "paper", "mine.toml"))
+    blue, amber, third, _ = entities.RUNS
+    assert entities.run_colors([paper]) == entities.run_colors([default, paper])[1:] == [amber]
+    assert entities.run_colors([paper, default]) == [amber, blue]
+    assert entities.run_colors([other]) == [blue]
+    assert entities.run_colors([other, default, other, paper]) == [third, blue, entities.RUNS[3], amber]
+    assert len(set(entities.run_colors([default, default, paper, paper]))) == 4

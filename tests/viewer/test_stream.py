@@ -2,11 +2,13 @@
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+import rerun as rr
 
 from pfslam_viz.step import Step
 from pfslam_viz.viewer import drawing
@@ -120,7 +122,7 @@ def test_curves_are_the_numbers(file: "Readable", recorded: "Recorded") -> None:
     assert truth is not None
     expected = {
         "plots/drift/filter": np.hypot(*(best - reckoned)[:2]),
-        "plots/heading_drift/filter": np.degrees(abs(best[2] - reckoned[2])),
+        "plots/heading_drift/filter": np.degrees(reckoned[2] - best[2]),
         "plots/error/filter": np.hypot(*(best - truth)[:2]),
         "plots/error/dead_reckoning": np.hypot(*(reckoned - truth)[:2]),
         "plots/n_eff/filter": 1 / (step.estimate.weights**2).sum(),
@@ -131,6 +133,30 @@ def test_curves_are_the_numbers(file: "Readable", recorded: "Recorded") -> None:
     }
     for entity, value in expected.items():
         assert file.temporal(entity)[42]["scalars"][0] == pytest.approx(value, rel=1e-5), entity
+
+
+def test_lows_are_kept_and_resampling_is_marked(file: "Readable", recorded: "Recorded") -> None:
+    """The curve keeps the lowest value of a pixel, where an average showed none of the lows."""
+    assert file.static("plots/n_eff/filter", "aggregation_policy") == [rr.components.AggregationPolicy.Min.value]
+    marks = {row["step"]: row["scalars"][0] for row in file.temporal("plots/n_eff/filter/resampled")}
+    n_eff = {s.index: 1 / (s.estimate.weights**2).sum() for s in recorded.steps if s.estimate.resampled}
+    assert marks == pytest.approx(n_eff) and len(marks) == 15
+    limits = file.temporal("plots/n_eff/filter/threshold")
+    assert [(row["step"], row["scalars"]) for row in limits] == [(0, [20.0]), (59, [20.0])]  # half of 40 particles
+
+
+def test_turns_are_counted_over_batches(corridor: "Corridor", read_back: "type[Readable]", tmp_path: Path) -> None:
+    """Dead reckoning that turns 0.4 rad a scan further than the filter, seen in batches of seven."""
+    with open_sinks(save=tmp_path / "x.rrd") as sink:
+        stream = replay_stream(corridor.recording, corridor.config, sink)
+        for step in corridor.steps():
+            turned = step.estimate.best + np.array([0.0, 0.0, 0.4 * step.index])
+            turned[2] = (turned[2] + np.pi) % (2 * np.pi) - np.pi
+            stream.log(replace(step, dead_reckoning=turned))
+            if step.index % 7 == 6:
+                stream.flush()
+    rows = read_back(tmp_path / "x.rrd").temporal("plots/heading_drift/filter")
+    np.testing.assert_allclose([row["scalars"][0] for row in rows], np.degrees(0.4) * np.arange(60), atol=1e-6)
 
 
 def test_the_map_shows_the_corridor_the_right_way_up(file: "Readable") -> None:
@@ -183,6 +209,7 @@ def test_camera_images_come_at_their_stamps(file: "Readable") -> None:
 
 def test_the_about_page_holds_the_configuration(file: "Readable") -> None:
     assert "| particles | 40 |" in file.static("about", "text")[0]
+    assert "## Result" in file.static("about", "text")[0]
 
 
 def test_options_thin_and_what_is_left_out_is_said(

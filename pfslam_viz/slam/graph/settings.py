@@ -177,7 +177,10 @@ class EvidenceConfig(Section):
     crossed: float = setting(1.0, "what an end point in the open speaks against, one on a wall for with 1", ge=0)
     least_told: float = setting(0.1, "share of end points with something to say from which a pair counts", ge=0, le=1)
     block: int = setting(20, "successive key scans, whose evidence is not independent", ge=1)
-    sure: float = setting(1.0, "standard errors from which a trajectory is preferred to another", ge=0)
+    sure: float = setting(1.0, "standard errors from which a loop is closed on their word ...", ge=0)
+    preferred: float = setting(
+        0.5, "... and from which the settled trajectory, which knows more, is preferred to the online one", ge=0
+    )
 
 
 class GraphConfig(Config):

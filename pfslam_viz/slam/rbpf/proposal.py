@@ -40,6 +40,45 @@ def _log_posterior(
 
 
 @njit(cache=True, nogil=True)
+def best_start(
+    table: Index,
+    field: Field,
+    origin: NDArray[np.int64],
+    cell: float,
+    points: Floats,
+    temper: float,
+    guess: Floats,
+    prior: Floats,
+    window: Floats,
+    apart: Floats,
+    most: int,
+) -> Floats:
+    """The best pose (3,) of a grid round the guess from which to climb.
+
+    The grid reaches as far as the motion is uncertain, ``window`` (3,) m, m, rad in the guess's frame, in steps of
+    ``apart`` (2,) m and rad, at most ``most`` to either side. What is less uncertain than a step is not searched (Olson
+    2009).
+    """
+    best = guess.copy()
+    top = _log_posterior(table, field, origin, cell, points, temper, guess, prior, guess[0], guess[1], guess[2])
+    n_x = min(int(window[0] / apart[0]), most)
+    n_y = min(int(window[1] / apart[0]), most)
+    n_h = min(int(window[2] / apart[1]), most)
+    c, s = math.cos(guess[2]), math.sin(guess[2])
+    for i in range(-n_x, n_x + 1):
+        for j in range(-n_y, n_y + 1):
+            x = guess[0] + apart[0] * (c * i - s * j)
+            y = guess[1] + apart[0] * (s * i + c * j)
+            for k in range(-n_h, n_h + 1):
+                heading = guess[2] + apart[1] * k
+                value = _log_posterior(table, field, origin, cell, points, temper, guess, prior, x, y, heading)
+                if value > top:
+                    top = value
+                    best[0], best[1], best[2] = x, y, heading
+    return best
+
+
+@njit(cache=True, nogil=True)
 def propose(
     tables: Index,
     field: Field,
@@ -49,6 +88,9 @@ def propose(
     temper: float,
     guesses: Floats,
     prior: Floats,
+    window: Floats,
+    apart: Floats,
+    most_starts: int,
     steps: Floats,
     halvings: int,
     moves: int,
@@ -58,10 +100,11 @@ def propose(
     """Match and sample for every particle.
 
     ``guesses`` (N, 3) are the poses by motion alone, ``prior`` (3, 3) its information in the frame of the guess.
-    The coordinate search goes forth and back along x, y and heading in turn, at most ``moves`` times with one step; it
-    starts with ``steps`` (2,) m and rad and halves them ``halvings`` times. ``normals`` (N, S, 3) are standard normal
-    draws, scaled by ``spread`` (2,) m and rad round the optimum. Returns the mean of the posterior round the optimum
-    (N, 3) and the log-evidence (N,).
+    Starts are ``apart`` (2,) m and rad within the ``window`` (3,), at most ``most_starts`` to either side: see
+    :func:`best_start`. The coordinate search goes forth and back along x, y and heading in turn, at most ``moves``
+    times with one step; it starts with ``steps`` (2,) m and rad and halves them ``halvings`` times. ``normals``
+    (N, S, 3) are standard normal draws, scaled by ``spread`` (2,) m and rad round the optimum. Returns the mean of the
+    posterior round the optimum (N, 3) and the log-evidence (N,).
     """
     n, samples = normals.shape[0], normals.shape[1]
     means = np.empty((n, 3))
@@ -70,7 +113,8 @@ def propose(
     sampled = np.empty((samples + 1, 3))
     for p in range(n):
         table, guess = tables[p], guesses[p]
-        x, y, heading = guess[0], guess[1], guess[2]
+        start = best_start(table, field, origin, cell, points, temper, guess, prior, window, apart, most_starts)
+        x, y, heading = start[0], start[1], start[2]
         best = _log_posterior(table, field, origin, cell, points, temper, guess, prior, x, y, heading)
         step, turn = steps[0], steps[1]
         for _ in range(halvings + 1):

@@ -225,6 +225,8 @@ class RaoBlackwellizedFilter(Belief):
         guesses = geometry.compose(self._key_particles, motion.increment + noise)
         points = spread_points(scan.points, scan.lidar_position, s.max_range, s.match_spacing, s.match_beams)
         prior = turned(information, motion.increment[2])
+        window = s.start_window * np.sqrt(np.diag(np.linalg.inv(prior)))
+        apart = np.array([s.start_distance, s.start_angle])
         steps = np.array([s.search_distance, s.search_angle])
         spread = np.array([s.sample_distance, s.sample_angle])
         normals = self._rng.standard_normal((n, s.samples, 3))
@@ -240,6 +242,9 @@ class RaoBlackwellizedFilter(Belief):
                 s.temper,
                 guesses[k],
                 prior,
+                window,
+                apart,
+                s.most_starts,
                 steps,
                 s.search_halvings,
                 s.search_moves,
@@ -296,7 +301,7 @@ class RaoBlackwellizedFilter(Belief):
         smoother = Smoother(self._scans, self._history.odometry(), self.config, unknown)
         smoothed = smoother.smooth(self._key_poses())
         self._verdict = compare(self._scans, smoothed.poses, self._key_poses(), self.config.evidence)
-        if self._verdict.sigmas < self.config.evidence.sure:
+        if self._verdict.sigmas < self.config.evidence.preferred:
             return
         self._smoothed = smoothed.poses
         self._closures = tuple(self._closure(int(earlier), int(later)) for earlier, later in smoothed.closed)

@@ -36,7 +36,7 @@ class RaoBlackwellizedConfig(Section):
         0.5, "share of matched end points from which such a match is good, and tells the odometry's errors", ge=0, le=1
     )
     scan_unseen: float = setting(
-        1.3, "times the motion between key scans, from which such a match alone makes one", ge=1
+        1.3, "times the motion between key scans, from which such a match alone makes one", gt=0
     )
     scan_loosest: float = setting(0.1, "such a match is held to the odometry at least so firmly", "m and rad", gt=0)
     scan_turns: tuple[float, ...] = setting(
@@ -53,6 +53,12 @@ class RaoBlackwellizedConfig(Section):
     free_beams: int = setting(100, "beams that clear free space at most; all of them mark walls", ge=10)
     match_beams: int = setting(180, "end points that are matched with the map, evenly along the walls", ge=10)
     match_spacing: float = setting(0.05, "between end points that are matched with the map", "m", ge=0)
+    start_window: float = setting(
+        2.0, "standard deviations of the motion to either side in which a match with the map looks for a start", ge=0
+    )
+    start_distance: float = setting(0.1, "between starts", "m", gt=0)
+    start_angle: float = setting(0.03, "between starts", "rad", gt=0)
+    most_starts: int = setting(12, "starts to either side in each of x, y and heading, at most", ge=0, le=50)
     search_distance: float = setting(0.04, "first step of the search for the optimum", "m", gt=0)
     search_angle: float = setting(0.02, "first step of the search for the optimum", "rad", gt=0)
     search_halvings: int = setting(4, "times that the steps are halved", ge=0, le=10)

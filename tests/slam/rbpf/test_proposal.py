@@ -7,13 +7,14 @@ import pytest
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
-from pfslam_viz.slam.rbpf.proposal import propose, spread_points
+from pfslam_viz.slam.rbpf.proposal import best_start, propose, spread_points
 from pfslam_viz.slam.rbpf.tile_kernels import agreement
 from pfslam_viz.slam.rbpf.tile_maps import TileMaps, TileSettings
 
 Array = NDArray[np.float64]
 
 TEMPER = 0.2
+SURE, APART, MOST_STARTS = np.zeros(3), np.array([0.1, 0.03]), 12  # no window of starts, unless one is given
 STEPS, HALVINGS, MOVES = np.array([0.04, 0.02]), 6, 120
 SPREAD = np.array([0.01, 0.005])
 LOOSE = np.diag([1.0, 1.0, 1.0])
@@ -67,6 +68,9 @@ def proposed(
         TEMPER,
         guesses,
         prior,
+        SURE,
+        APART,
+        MOST_STARTS,
         STEPS,
         HALVINGS,
         MOVES,
@@ -210,7 +214,8 @@ def test_every_particle_is_proposed_by_itself(maps: TileMaps) -> None:
     means, evidence = proposed(two, points, guesses, LOOSE, normals)
     for k in range(2):
         alone = propose(
-            two.table[k : k + 1], two.field, two.origin, two.cell, points, TEMPER, guesses[k : k + 1], LOOSE, STEPS,
+            two.table[k : k + 1], two.field, two.origin, two.cell, points, TEMPER, guesses[k : k + 1], LOOSE,
+            SURE, APART, MOST_STARTS, STEPS,
             HALVINGS, MOVES, normals[k : k + 1], SPREAD,
         )  # fmt: skip
         np.testing.assert_array_equal(alone[0][0], means[k])
@@ -221,6 +226,39 @@ def test_an_empty_scan_leaves_the_guess(maps: TileMaps) -> None:
     mean, evidence = proposed(maps, np.zeros((0, 2)), np.array([1.0, 2.0, 0.5]))
     np.testing.assert_array_equal(mean, [[1.0, 2.0, 0.5]])
     assert evidence[0] == 0.0
+
+
+# Where the search starts
+
+
+def started(maps: TileMaps, guess: Array, deviation: Array, pose: Array) -> Array:
+    prior = np.diag(np.maximum(deviation, 1e-3) ** -2)
+    points = seen_from(pose)
+    return best_start(
+        maps.table[0], maps.field, maps.origin, maps.cell, points, TEMPER, guess, prior, 2.0 * deviation,
+        APART, MOST_STARTS,
+    )  # fmt: skip
+
+
+def test_a_wide_motion_starts_near_the_truth(maps: TileMaps) -> None:
+    """0.4 m and 0.25 rad off, with deviations of 0.25 m and 0.15 rad: the nearest of the grid's poses is found."""
+    pose = np.array([0.3, -0.2, 0.4])
+    guess = pose + np.array([0.3, -0.25, 0.25])
+    start = started(maps, guess, np.array([0.25, 0.25, 0.15]), pose)
+    assert np.hypot(*(start - pose)[:2]) < 0.1 and abs(start[2] - pose[2]) < 0.03
+    steps = geometry.between(guess, start) / np.array([0.1, 0.1, 0.03])
+    np.testing.assert_allclose(steps, np.round(steps), atol=1e-9)
+
+
+def test_the_window_of_starts_follows_the_motions_uncertainty(maps: TileMaps) -> None:
+    """What is known to less than half a step is not searched; nor is more than so many steps."""
+    pose = np.array([0.3, -0.2, 0.4])
+    guess = pose + np.array([0.0, 0.0, 0.25])
+    np.testing.assert_array_equal(started(maps, guess, np.array([0.04, 0.04, 0.01]), pose), guess)
+    turned = started(maps, guess, np.array([0.04, 0.04, 0.15]), pose)
+    assert (turned[:2] == guess[:2]).all() and abs(turned[2] - pose[2]) < 0.03
+    far = started(maps, pose + np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, 2.0]), pose)
+    assert abs(far[2] - pose[2] - 1.0) <= MOST_STARTS * 0.03 + 1e-9 and MOST_STARTS * 0.03 < 2.0
 
 
 # Which points are matched

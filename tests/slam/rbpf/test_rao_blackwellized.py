@@ -18,9 +18,11 @@ from pfslam_viz.replay import Replay, Result
 from pfslam_viz.settings import MapConfig, ResamplingConfig
 from pfslam_viz.simulation.recording import simulate
 from pfslam_viz.simulation.sensors import true_ranges
+from pfslam_viz.slam.graph.evidence import Verdict
 from pfslam_viz.slam.graph.scan_store import Matches
 from pfslam_viz.slam.graph.settings import SmoothingConfig
-from pfslam_viz.slam.protocol import Estimate, Scan
+from pfslam_viz.slam.protocol import Estimate, Kept, Scan
+from pfslam_viz.slam.rbpf import rao_blackwellized
 from pfslam_viz.slam.rbpf.rao_blackwellized import RaoBlackwellizedFilter
 from pfslam_viz.slam.rbpf.settings import RaoBlackwellizedConfig, RbpfConfig
 from pfslam_viz.slam.rbpf.tile_maps import TileMaps, TileSettings
@@ -615,3 +617,27 @@ def test_the_maps_numbers_are_the_configurations(in_the_room: Drive) -> None:
     assert slam.grid.cell == 0.1
     assert slam.grid.log_odds.max() <= 1.5 and slam.grid.log_odds.min() == -1.5
     assert set(np.unique(slam.grid.log_odds[slam.grid.log_odds < 0] / 0.25 % 1)) == {0.0}
+
+
+@pytest.mark.parametrize("sigmas", [0.4, 0.6, -3.0])
+def test_the_settled_trajectory_is_kept_if_the_scans_prefer_it(
+    in_the_room: Drive, sigmas: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From half a standard error on; else the trajectory and the map stay as they were."""
+    monkeypatch.setattr(rao_blackwellized, "compare", lambda *_: Verdict(0.01, sigmas, 100))
+    slam = RaoBlackwellizedFilter(config())
+    run(slam, in_the_room)
+    assert slam.kept is None
+    before, log_odds = slam.trajectory(), slam.grid.log_odds.copy()
+    slam.finish()
+    settled = sigmas > 0.5
+    assert slam.kept == Kept("settled" if settled else "online", 0.01, sigmas)
+    assert (slam.trajectory() == before).all() != settled
+    assert (slam.grid.log_odds.shape == log_odds.shape and (slam.grid.log_odds == log_odds).all()) != settled
+
+
+def test_the_settled_trajectory_of_a_round_is_preferred(in_the_room: Drive) -> None:
+    slam = RaoBlackwellizedFilter(config())
+    run(slam, in_the_room)
+    slam.finish()
+    assert slam.kept is not None and slam.kept.trajectory == "settled" and slam.kept.sigmas > 3.0
