@@ -10,6 +10,7 @@ from pfslam_viz import geometry
 from pfslam_viz.config import Config
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.replay import Result
+from pfslam_viz.robot import CameraGeometry
 from pfslam_viz.viewer import archetypes, entities, pages, style
 from pfslam_viz.viewer.blueprint import blueprint
 from pfslam_viz.viewer.contents import Cells, TimedContent
@@ -59,7 +60,7 @@ class Drawing:
         self._spreads = np.zeros(0)
         self._turned = 0.0  # degrees, by the last scan
         self.color = color
-        style.style_run(sink, run, color, recording.frames, config.particles)
+        style.style_run(sink, run, color, _camera(recording, config), config.particles)
         if shared:
             style.style_shared(sink, recording)
 
@@ -190,6 +191,17 @@ def _distance(some: Array, others: Array) -> Array:
     """How far poses (n, 3) are from others, m."""
     apart = some[:, :2] - others[:, :2]
     return np.hypot(apart[:, 0], apart[:, 1])
+
+
+def _camera(recording: Recording, config: Config) -> CameraGeometry | None:
+    """The camera that the floor was painted with; the robot file's where none is painted."""
+    if recording.frames is None:
+        return None
+    if not config.texture.enabled:
+        return recording.frames.camera
+    from pfslam_viz.texture import find_camera  # loads OpenCV and numba
+
+    return find_camera(recording.frames, config.texture.camera).geometry
 
 
 def send_scene(

@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from pfslam_viz.recordings.recording import Frames, Recording
+from pfslam_viz.recordings.recording import Recording
+from pfslam_viz.robot import CameraGeometry
 from pfslam_viz.viewer import entities
 from pfslam_viz.viewer.contents import IMAGE_SCALE
 from pfslam_viz.viewer.entities import ENTITIES, Color, Entity, Kind
@@ -26,11 +27,11 @@ UNIT_CIRCLE = np.stack([np.cos(_ANGLE), np.sin(_ANGLE), 0 * _ANGLE], axis=-1)
 FEW = 50  # particles that are drawn larger
 
 
-def style_run(sink: Sink, run: str, color: Color, frames: Frames | None, particles: int) -> None:
-    """Style what one run, of so many particles, has of its own."""
+def style_run(sink: Sink, run: str, color: Color, camera: CameraGeometry | None, particles: int) -> None:
+    """Style what one run, of so many particles and with such a camera, has of its own."""
     for row in ENTITIES:
         if row.owner == "{run}":
-            _style(sink, row, run, color, frames, few=particles <= FEW)
+            _style(sink, row, run, color, camera, few=particles <= FEW)
     sink.log_static(f"{entities.FOLLOW.path(run)}/{CLOSE_UP}", *_hanging_camera(FOLLOW_HEIGHT))
     sink.log_static(scale_bar_path(run, CLOSE_UP), _scale_bar((0.0, 0.0), FOLLOW_HEIGHT, FOLLOW_HEIGHT))
     log_loupe(sink, run, None)
@@ -84,7 +85,9 @@ def _hanging_camera(height_on_floor: float) -> tuple[rr.Transform3D, rr.Pinhole]
     return overhead_camera((0.0, 0.0), height_on_floor, aspect=1.0, above=5.0)
 
 
-def _style(sink: Sink, row: Entity, run: str, run_color: Color, frames: Frames | None, few: bool = False) -> None:
+def _style(
+    sink: Sink, row: Entity, run: str, run_color: Color, camera: CameraGeometry | None, few: bool = False
+) -> None:
     """Log the static style of one row of the table, if its kind has one."""
     color, radius = row.rgb(run_color), rr.Radius.ui_points((few and row.few) or row.width)
     match row.kind:
@@ -118,8 +121,8 @@ def _style(sink: Sink, row: Entity, run: str, run_color: Color, frames: Frames |
             sink.log_static(outline, style)
             return
         case Kind.CAMERA:
-            if frames is not None:
-                sink.log_static(row.path(run), *_camera(frames, color))
+            if camera is not None:
+                sink.log_static(row.path(run), *_camera(camera, color))
             return
         case _:
             return
@@ -136,8 +139,7 @@ def _arrow_head(color: Color | None) -> rr.Mesh3D:
     )
 
 
-def _camera(frames: Frames, color: Color | None) -> tuple[rr.Transform3D, rr.Pinhole]:
-    camera = frames.camera
+def _camera(camera: CameraGeometry, color: Color | None) -> tuple[rr.Transform3D, rr.Pinhole]:
     pose, k = camera.robot_from_optical(), camera.intrinsics
     pinhole = rr.Pinhole(
         focal_length=[k.fx / IMAGE_SCALE, k.fy / IMAGE_SCALE],

@@ -11,6 +11,7 @@ import pytest
 import rerun as rr
 
 from pfslam_viz.step import Step
+from pfslam_viz.texture import find_camera
 from pfslam_viz.viewer import drawing
 from pfslam_viz.viewer.collector import StreamOptions
 from pfslam_viz.viewer.sinks import open_sinks
@@ -205,6 +206,22 @@ def test_camera_images_come_at_their_stamps(file: "Readable") -> None:
     assert [row["step"] for row in rows] == [0, 10, 20, 30, 40, 50]
     assert bytes(rows[0]["blob"][0][:2]) == b"\xff\xd8"  # JPEG
     assert [row["step"] for row in file.temporal("camera/filter/disparity")] == [1, 11, 21, 31, 41, 51]
+
+
+def test_the_camera_in_the_scene_is_the_one_that_paints(
+    corridor: "Corridor",
+    make_recording: Callable[..., "Recorded"],
+    read_back: "type[Readable]",
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    frames = corridor.recording.frames
+    assert frames is not None
+    fitted = frames.camera.model_copy(update={"position": (0.25, 0.0, 0.75)})
+    found = replace(find_camera(frames), geometry=fitted)
+    monkeypatch.setattr("pfslam_viz.texture.floor_camera.find_camera", lambda frames, source: found)
+    file = read_back(make_recording(corridor, tmp_path / "fitted.rrd").path)
+    np.testing.assert_allclose(file.static("world/filter/robot/camera", "translation"), [[0.25, 0.0, 0.75]], atol=1e-6)
 
 
 def test_the_about_page_holds_the_configuration(file: "Readable") -> None:
