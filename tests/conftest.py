@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pfslam_viz import geometry
+from pfslam_viz import cli, geometry
 from pfslam_viz.simulation.floor import floor_color
 from pfslam_viz.simulation.world import World
 
@@ -31,3 +31,21 @@ def floor_colors() -> Callable[[World, NDArray[np.float64]], NDArray[np.float64]
         return np.floor([floor_color(x, y, world.zones, world.floors) for x, y in on_plan])
 
     return at
+
+
+@pytest.fixture
+def run(capfd: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
+    """Call the command line in this process: exit status, stdout, stderr."""
+
+    def call(*arguments: object) -> tuple[int, str, str]:
+        capfd.readouterr()
+        status = cli.call([str(argument) for argument in arguments])
+        return status, *capfd.readouterr()
+
+    return call
+
+
+@pytest.fixture
+def no_screen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No viewer can open on this machine."""
+    monkeypatch.setattr("pfslam_viz.commands.choices.has_screen", lambda: False)

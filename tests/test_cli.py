@@ -44,6 +44,8 @@ HEAVY = ("rerun", "cv2", "numba", "scipy", "numpy", "pydantic", "pooch")
 
 Run = Callable[..., tuple[int, str, str]]
 
+pytestmark = pytest.mark.usefixtures("no_screen")
+
 
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -51,23 +53,6 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("recordings") / "drive"
     assert cli.call(["simulate", str(out), "--duration", "6", "--no-frames"]) == 0
     return out
-
-
-@pytest.fixture
-def run(capfd: pytest.CaptureFixture[str]) -> Run:
-    """Call the command line in this process: exit status, stdout, stderr."""
-
-    def call(*arguments: object) -> tuple[int, str, str]:
-        capfd.readouterr()
-        status = cli.call([str(argument) for argument in arguments])
-        return status, *capfd.readouterr()
-
-    return call
-
-
-@pytest.fixture(autouse=True)
-def no_screen(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pfslam_viz.commands.choices.has_screen", lambda: False)
 
 
 def one_line(text: str) -> str:

@@ -8,29 +8,12 @@ import numpy as np
 import pytest
 
 import pfslam_viz as pf
-from pfslam_viz import cli
 from pfslam_viz.evaluation.metrics import metrics
 from pfslam_viz.viewer.pages import about_page
 
 Run = Callable[..., tuple[int, str, str]]
+pytestmark = pytest.mark.usefixtures("no_screen")
 PAPER = ("--config", "paper", "--particles", "20")
-
-
-@pytest.fixture(autouse=True)
-def no_screen(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pfslam_viz.commands.choices.has_screen", lambda: False)
-
-
-@pytest.fixture
-def run(capfd: pytest.CaptureFixture[str]) -> Run:
-    """Call the command line in this process: exit status, stdout, stderr."""
-
-    def call(*arguments: object) -> tuple[int, str, str]:
-        capfd.readouterr()
-        status = cli.call([str(argument) for argument in arguments])
-        return status, *capfd.readouterr()
-
-    return call
 
 
 def log(path: Path, jump: float = 0.0, reading: float | None = None) -> Path:

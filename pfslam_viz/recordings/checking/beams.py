@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from pfslam_viz.recordings.checking.agreement import disagreement, explains_better, pairs_apart
 from pfslam_viz.recordings.checking.draft import Draft
 from pfslam_viz.recordings.checking.odometry import LENGTHS
+from pfslam_viz.recordings.checking.stretches import stretches, told
 from pfslam_viz.recordings.no_return import without_sentinels
 from pfslam_viz.recordings.recording import Lidar, Recording
 from pfslam_viz.recordings.sweep import with_beam_times
@@ -108,22 +109,24 @@ def _moves_as(recording: Recording, factor: float, limits_hold: bool) -> bool:
 
 def check_no_return(draft: Draft) -> None:
     """Values that stand for no return are told from the readings, and lie above the lidar's greatest range then."""
-    said = draft.recording.notes
-    told = without_sentinels(draft.recording)
-    if told is not draft.recording:
-        draft.mend(lidar=told.lidar)
-        for note in told.notes[len(said) :]:
-            draft.add("note", "no_return_value", note)
+    found = without_sentinels(draft.recording)
+    _take(draft, found, "no_return_value", lidar=found.lidar)
 
 
 def check_sweep(draft: Draft) -> None:
     """When each beam was measured is told from the drive, where that makes scans agree better."""
-    said = draft.recording.notes
-    told = with_beam_times(draft.recording)
-    if told is not draft.recording:
-        draft.mend(beam_times=told.beam_times)
-        for note in told.notes[len(said) :]:
-            draft.add("note", "beam_times", note)
+    found = with_beam_times(draft.recording)
+    _take(draft, found, "beam_times", beam_times=found.beam_times)
+
+
+def _take(draft: Draft, found: Recording, what: str, **changes: object) -> None:
+    """Take ``changes`` over from ``found`` where it is another recording, and its new notes as findings."""
+    if found is draft.recording:
+        return
+    notes = found.notes[len(draft.recording.notes) :]
+    draft.mend(**changes)
+    for note in notes:
+        draft.add("note", what, note)
 
 
 def check_far(draft: Draft) -> None:
@@ -168,22 +171,19 @@ def check_returns(draft: Draft) -> None:
             "look at the unit of the ranges and at the limits",
         )
         return
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], blind.view(np.int8), [0]])))
-    starts, ends = edges[::2], edges[1::2]
+    starts, ends = stretches(blind)
     if len(starts) == 0:
         return
     lasted = recording.stamps[np.minimum(ends, len(recording) - 1)] - recording.stamps[starts]
     long = (lasted > 5.0) & (ends - starts >= 10)
     if long.any():
-        k = int(np.argmax(np.where(long, lasted, 0.0)))
-        stretches = "1 stretch" if long.sum() == 1 else f"{int(long.sum())} stretches"
+        words, scan = told(long, starts, lasted)
         draft.add(
             "doubtful",
             "scans_without_returns",
-            f"lidar: {int(blind.sum()):,} scans without a return, in {stretches}; the longest lasts {lasted[k]:.1f} s"
-            f" from scan {starts[k]:,} on",
+            f"lidar: {int(blind.sum()):,} scans without a return, {words}",
             "the map rests on odometry alone there",
-            int(starts[k]),
+            scan,
         )
 
 

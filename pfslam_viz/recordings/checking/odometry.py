@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from pfslam_viz import geometry
 from pfslam_viz.recordings.checking.agreement import Pairs, disagreement, explains_better, pairs_apart, turned_apart
 from pfslam_viz.recordings.checking.draft import Draft
+from pfslam_viz.recordings.checking.stretches import stretches, told
 from pfslam_viz.recordings.recording import Recording
 
 Array = NDArray[np.float64]
@@ -150,8 +151,7 @@ def _check_stuck(draft: Draft) -> None:
     recording = draft.recording
     rests = np.abs(recording.odometry[:, :2]).max(axis=1) < _NOTHING
     rests[0] = False
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], rests.view(np.int8), [0]])))
-    starts, ends = edges[::2] - 1, edges[1::2] - 1  # scans between which it rests
+    starts, ends = (k - 1 for k in stretches(rests))  # scans between which it rests
     lasted = recording.stamps[ends] - recording.stamps[starts]
     long = np.flatnonzero((lasted > 5.0) & (ends - starts >= 10))
     long = long[np.argsort(-lasted[long])][:_STRETCHES]
@@ -168,13 +168,11 @@ def _check_stuck(draft: Draft) -> None:
     off[moved] = np.fmin(off[moved], turned)
     stuck = (off.reshape(4, -1) > _MOVED).sum(axis=0) >= 2
     if stuck.any():
-        k = int(np.argmax(np.where(stuck, lasted, 0.0)))
-        stretches = "1 stretch" if stuck.sum() == 1 else f"{int(stuck.sum())} stretches"
+        words, scan = told(stuck, starts, lasted)
         draft.add(
             "doubtful",
             "odometry_stands_still",
-            f"odometry: stands still while the scans move, in {stretches}; the longest lasts {lasted[k]:.1f} s from"
-            f" scan {starts[k]:,} on",
+            f"odometry: stands still while the scans move, {words}",
             "look at the encoders or the odometry's source there",
-            int(starts[k]),
+            scan,
         )
