@@ -30,7 +30,7 @@ from pfslam_viz.replay import Replay, Result
 from pfslam_viz.step import Step
 
 if TYPE_CHECKING:
-    from pfslam_viz.texture import FloorTexture
+    from pfslam_viz.texture.floor_texture import FloorTexture
 
 MOST_PARTICLES = 500  # drawn
 

@@ -10,7 +10,7 @@ from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.viewer import entities
 
 if TYPE_CHECKING:
-    from pfslam_viz.texture import FloorTexture
+    from pfslam_viz.texture.floor_texture import FloorTexture
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]

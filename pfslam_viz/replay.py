@@ -24,7 +24,9 @@ from pfslam_viz.slam.worker import Worker, cores
 from pfslam_viz.step import Step
 
 if TYPE_CHECKING:
-    from pfslam_viz.texture import FloorCamera, FloorTexture, SkippedFrames, TexturePainter
+    from pfslam_viz.texture.floor_camera import FloorCamera
+    from pfslam_viz.texture.floor_texture import FloorTexture
+    from pfslam_viz.texture.painter import SkippedFrames, TexturePainter
 
 Array = NDArray[np.float64]
 
@@ -240,7 +242,7 @@ def _painter(recording: Recording, config: Config, slam: Slam) -> "TexturePainte
     """Who paints the floor in cells as large as the map's, if there are images of it and painting is wanted."""
     if recording.frames is None or not config.texture.enabled:
         return None
-    from pfslam_viz.texture import TexturePainter
+    from pfslam_viz.texture.painter import TexturePainter
 
     return TexturePainter(recording.frames, config.texture, slam.grid.cell, keep=slam.settles)
 

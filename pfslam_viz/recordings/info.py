@@ -77,7 +77,7 @@ def describe(recording: Recording) -> Description:
     }
     findings = list(recording.findings)
     if recording.frames is not None:
-        from pfslam_viz.texture import find_camera
+        from pfslam_viz.texture.floor_camera import find_camera
 
         out["frames"] = _frames(recording.frames)
         camera = find_camera(recording.frames)

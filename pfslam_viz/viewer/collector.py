@@ -26,7 +26,7 @@ from pfslam_viz.viewer.events import Chronicle, Event
 from pfslam_viz.viewer.scan_batch import ScanBatch, ScanCopy, stride
 
 if TYPE_CHECKING:
-    from pfslam_viz.texture import FloorTexture
+    from pfslam_viz.texture.floor_texture import FloorTexture
 
 Array = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from pfslam_viz.viewer.entities import MAP, TEXTURE
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pfslam_viz.texture import FloorTexture
+    from pfslam_viz.texture.floor_texture import FloorTexture
 
 UNKNOWN = 255  # as in ROS: 0 is free, 100 occupied
 IMAGE_SCALE = 2  # camera images are reduced by this

@@ -199,7 +199,7 @@ def _camera(recording: Recording, config: Config) -> CameraGeometry | None:
         return None
     if not config.texture.enabled:
         return recording.frames.camera
-    from pfslam_viz.texture import find_camera  # loads OpenCV and numba
+    from pfslam_viz.texture.floor_camera import find_camera  # loads OpenCV
 
     return find_camera(recording.frames, config.texture.camera).geometry
 

@@ -112,7 +112,7 @@ def about_page(
     if recording.notes:
         lines += ["## Notes", "", *(f"- {note}" for note in recording.notes), ""]
     if frames is not None and any(config.texture.enabled for config in configs):
-        from pfslam_viz.texture import find_camera
+        from pfslam_viz.texture.floor_camera import find_camera
 
         lines += ["## Camera", ""]
         cameras = [(c.name, find_camera(frames, c.texture.camera)) for c in configs if c.texture.enabled]

@@ -25,7 +25,8 @@ from pfslam_viz.simulation.camera_errors import CameraErrors
 from pfslam_viz.simulation.drive import DriveConfig, drive_along
 from pfslam_viz.simulation.recording import simulate
 from pfslam_viz.simulation.world import World
-from pfslam_viz.texture import TexturePainter, find_camera
+from pfslam_viz.texture.floor_camera import find_camera
+from pfslam_viz.texture.painter import TexturePainter
 from pfslam_viz.viewer.pages import about_page
 
 Colors = Callable[[World, NDArray[np.float64]], NDArray[np.float64]]

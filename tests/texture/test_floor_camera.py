@@ -12,9 +12,10 @@ from pfslam_viz.config import load_robot
 from pfslam_viz.recordings.recording import Frames
 from pfslam_viz.robot import CameraGeometry
 from pfslam_viz.settings import TextureConfig
-from pfslam_viz.texture import FloorTexture, TexturePainter
 from pfslam_viz.texture.floor_camera import find_camera, settle
 from pfslam_viz.texture.floor_plane import FloorPlane
+from pfslam_viz.texture.floor_texture import FloorTexture
+from pfslam_viz.texture.painter import TexturePainter
 
 FILED = CameraGeometry(position=(0.3, 0.01, 0.507), pitch=math.radians(18), yaw=0.02)
 

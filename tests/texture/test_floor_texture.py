@@ -6,7 +6,8 @@ import pytest
 from pfslam_viz.config import load_robot
 from pfslam_viz.robot import CameraGeometry
 from pfslam_viz.settings import TextureConfig
-from pfslam_viz.texture import FloorTexture, depth_from_disparity
+from pfslam_viz.texture.floor_texture import FloorTexture
+from pfslam_viz.texture.kinect import depth_from_disparity
 
 NOTHING = 2047
 

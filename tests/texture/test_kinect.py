@@ -3,7 +3,7 @@ import pytest
 
 from pfslam_viz.config import load_robot
 from pfslam_viz.settings import TextureConfig
-from pfslam_viz.texture import FloorTexture
+from pfslam_viz.texture.floor_texture import FloorTexture
 from pfslam_viz.texture.kinect import FloorView, depth_from_disparity
 
 

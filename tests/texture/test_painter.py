@@ -16,10 +16,10 @@ from pfslam_viz.simulation.drive import DriveConfig, drive_along
 from pfslam_viz.simulation.floor import CHECKER, TILE
 from pfslam_viz.simulation.recording import simulate
 from pfslam_viz.simulation.world import World
-from pfslam_viz.texture import FloorTexture, TexturePainter
 from pfslam_viz.texture import painter as painter_module
+from pfslam_viz.texture.floor_texture import FloorTexture
 from pfslam_viz.texture.kinect import FloorView
-from pfslam_viz.texture.painter import pair
+from pfslam_viz.texture.painter import TexturePainter, pair
 
 CELL = 0.07
 Colors = Callable[[World, NDArray[np.float64]], NDArray[np.float64]]

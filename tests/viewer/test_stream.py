@@ -11,7 +11,7 @@ import pytest
 import rerun as rr
 
 from pfslam_viz.step import Step
-from pfslam_viz.texture import find_camera
+from pfslam_viz.texture.floor_camera import find_camera
 from pfslam_viz.viewer import drawing
 from pfslam_viz.viewer.collector import StreamOptions
 from pfslam_viz.viewer.sinks import open_sinks
