@@ -1,4 +1,4 @@
-"""The layout: the tabs Compare, Filter, Texture, 3-D and About."""
+"""The layout: the tabs Compare, Filter, Error, Texture, 3-D and About."""
 
 from collections.abc import Sequence
 
@@ -13,26 +13,32 @@ from pfslam_viz.viewer.style import CLOSE_UP, FOLLOW_HEIGHT, LOUPE, scale_bar_pa
 
 LONGEST = 60.0  # s that a replay takes at most, however long the recording
 SPEED_UP = 2.0  # times real time, unless that takes longer
-MAPS_IN_A_ROW = 3
+IN_A_ROW = 3
+HEADROOM = 1.05  # above the most that N_eff can be
 
 BACKGROUND = (112, 137, 134)
 """What the viewer draws unknown cells in: a view looks the same inside and outside the map."""
 
 
-def blueprint(recording: Recording, framing: Framing, runs: Sequence[str], live: bool = False) -> rrb.Blueprint:
-    """The layout for one run, or for several that are compared side by side.
+def blueprint(
+    recording: Recording, framing: Framing, runs: Sequence[str], particles: int, live: bool = False
+) -> rrb.Blueprint:
+    """The layout for one run, of so many ``particles``, or for several that are compared side by side.
 
     ``live`` follows the newest scan; otherwise the recording plays from its start, a two-minute one in one minute.
     """
     seconds = min(max(recording.duration, 1.0) / SPEED_UP, LONGEST)
     several = len(runs) > 1
     tabs: list[rrb.Container | rrb.View] = [
-        _compare(runs, recording, framing),
-        _filter(runs, recording),
+        _compare(runs, recording, framing, particles),
+        _filter(runs, recording, particles),
     ]
+    if recording.truth is not None:
+        tabs.append(_error(runs, recording, framing))
     if recording.frames is not None:
-        tabs.append(_each("Texture", [_texture(run, several, framing) for run in runs]))
-    tabs.append(_each("3-D", [_three_d(run, several, framing) for run in runs]))
+        tabs.append(_texture(runs, framing))
+    spaces = [_three_d(run, several, framing) for run in runs]
+    tabs.append(_in_rows(spaces, name="3-D") if several else spaces[0])
     return rrb.Blueprint(
         rrb.Tabs(*tabs, _pages(), active_tab=0),
         rrb.BlueprintPanel(state="collapsed"),
@@ -48,9 +54,11 @@ def blueprint(recording: Recording, framing: Framing, runs: Sequence[str], live:
     )
 
 
-def _each(name: str, parts: Sequence[rrb.Container | rrb.View]) -> rrb.Container | rrb.View:
-    """The one run's part, or the runs' parts as tabs."""
-    return parts[0] if len(parts) == 1 else rrb.Tabs(*parts, name=name)
+def _in_rows(parts: Sequence[rrb.Container | rrb.View], name: str | None = None) -> rrb.Container:
+    """Views beside each other, in two columns where they are too many for one row."""
+    if len(parts) <= IN_A_ROW:
+        return rrb.Horizontal(*parts, name=name)
+    return rrb.Grid(*parts, grid_columns=2, name=name)
 
 
 def _overhead(origin: str, aspect: float, name: str, contents: list[str], **more: object) -> rrb.Spatial2DView:
@@ -76,17 +84,31 @@ def contents(view: View, run: str, *owners: str, more: Sequence[str] = ()) -> li
     return [f"+ /{path}" for path in [*found, *more]]
 
 
-def _compare(runs: Sequence[str], recording: Recording, framing: Framing) -> rrb.Container:
-    reckoned = contents(View.COMPARE, "", "dead_reckoning", "truth", more=[entities.SCALE_BAR])
+def _maps(view: View, runs: Sequence[str], framing: Framing, *truth: str, more: Sequence[str]) -> rrb.Container:
+    """Dead reckoning's map and the runs' beside each other; ``truth`` is the owner "truth", if it is drawn there."""
+    reckoned = contents(view, "", "dead_reckoning", *truth, more=more)
     maps = [_overhead(entities.OVERVIEW, framing.aspect, "Dead reckoning: wheels and gyro alone", reckoned)]
     for run in runs:
         title = "Particle filter" if len(runs) == 1 else f"Particle filter: {run}"
-        shown = contents(View.COMPARE, run, "{run}", "truth", more=[entities.SCALE_BAR])
-        maps.append(_overhead(entities.OVERVIEW, framing.aspect, title, shown))
-    row = rrb.Horizontal(*maps) if len(maps) <= MAPS_IN_A_ROW else rrb.Grid(*maps, grid_columns=2)
-    plots = rrb.Horizontal(*_plots(View.COMPARE_PLOTS, recording, runs))
+        maps.append(
+            _overhead(entities.OVERVIEW, framing.aspect, title, contents(view, run, "{run}", *truth, more=more))
+        )
+    return _in_rows(maps)
+
+
+def _compare(runs: Sequence[str], recording: Recording, framing: Framing, particles: int) -> rrb.Container:
+    row = _maps(View.COMPARE, runs, framing, "truth", more=[entities.SCALE_BAR])
+    plots = rrb.Horizontal(*_plots(View.COMPARE_PLOTS, recording, runs, particles))
     left = rrb.Vertical(row, plots, row_shares=[5, 2])
     return rrb.Horizontal(left, _beside(runs), column_shares=[15, 4], name="Compare")
+
+
+def _error(runs: Sequence[str], recording: Recording, framing: Framing) -> rrb.Container:
+    """Where the trajectories err, by colour, and the filters' own errors over time, which dead reckoning's dwarf."""
+    more = [entities.SCALE_BAR, entities.ERROR_SCALE, f"{entities.ERROR_SCALE}/limits"]
+    row = _maps(View.ERROR, runs, framing, more=more)
+    plots = rrb.Horizontal(*_plots(View.ERROR_PLOTS, recording, runs))
+    return rrb.Vertical(row, plots, row_shares=[2, 1], name="Error")
 
 
 def _beside(runs: Sequence[str]) -> rrb.Container:
@@ -103,7 +125,7 @@ def _beside(runs: Sequence[str]) -> rrb.Container:
     return rrb.Vertical(legend, events, row_shares=[1, 1])
 
 
-def _plots(view: View, recording: Recording, runs: Sequence[str]) -> list[rrb.TimeSeriesView]:
+def _plots(view: View, recording: Recording, runs: Sequence[str], particles: int = 1) -> list[rrb.TimeSeriesView]:
     """The plots of a tab with these runs' curves; a legend where a plot has several."""
     boundary = rrb.TimeRangeBoundary.absolute
     whole = rrb.TimeRange(start=boundary(seq=0), end=boundary(seq=len(recording) - 1))
@@ -111,13 +133,15 @@ def _plots(view: View, recording: Recording, runs: Sequence[str]) -> list[rrb.Ti
     plots = []
     for first in curves:
         if first.title:
-            paths = dict.fromkeys(row.path(run) for row in curves if row.plot == first.plot for run in runs)
             share = first is entities.N_EFF and len(runs) > 1
+            most = (1 if share else particles) if first is entities.N_EFF else None
+            paths = dict.fromkeys(row.path(run) for row in curves if row.plot == first.plot for run in runs)
             plots.append(
                 rrb.TimeSeriesView(
                     origin=f"/plots/{first.plot}",
                     contents=[f"+ /{path}" for path in paths],
-                    name="N_eff as a share of the particles" if share else first.title,
+                    name="N_eff, share of N" if share else first.title,
+                    axis_y=rrb.ScalarAxis(range=(0.0, HEADROOM * most)) if most else None,
                     axis_x=rrb.TimeAxis(link="Independent", view_range=whole),
                     plot_legend=rrb.PlotLegend(visible=False),  # it would cover the curves, whose colours are the maps'
                 )
@@ -125,13 +149,14 @@ def _plots(view: View, recording: Recording, runs: Sequence[str]) -> list[rrb.Ti
     return plots
 
 
-def _filter(runs: Sequence[str], recording: Recording) -> rrb.Container:
-    """What follows the robot: of one run side by side, of several the runs side by side."""
-    near = [_round_the_robot(run, len(runs) > 1) for run in runs]
-    plots = rrb.Horizontal(*_plots(View.FILTER_PLOTS, recording, runs))
-    if len(runs) == 1:
-        return rrb.Vertical(rrb.Horizontal(*near[0]), plots, row_shares=[5, 2], name="Filter")
-    rows = [rrb.Horizontal(*row) for row in zip(*near, strict=True)]
+def _filter(runs: Sequence[str], recording: Recording, particles: int) -> rrb.Container:
+    """What follows the robot, of several runs beside each other, and the curves with what their colours mean."""
+    close_ups, loupes = zip(*(_round_the_robot(run, len(runs) > 1) for run in runs), strict=True)
+    legend = rrb.TextDocumentView(origin=f"/{entities.FILTER_LEGEND}", name="Colours")
+    plots = rrb.Horizontal(*_plots(View.FILTER_PLOTS, recording, runs, particles), legend)
+    if len(runs) <= 2:
+        return rrb.Vertical(rrb.Horizontal(*close_ups, *loupes), plots, row_shares=[5, 2], name="Filter")
+    rows = [rrb.Horizontal(*views) for views in (close_ups, loupes)]
     return rrb.Vertical(*rows, plots, row_shares=[3, 3, 2], name="Filter")
 
 
@@ -142,23 +167,24 @@ def _round_the_robot(run: str, several: bool) -> tuple[rrb.Spatial2DView, rrb.Sp
     close_up = _overhead(
         f"{follow}/{CLOSE_UP}",
         1.0,
-        f"{whose}{'round' if several else 'Round'} the robot ({FOLLOW_HEIGHT:g} m)",
+        f"{whose}{'the' if several else 'The'} robot ({FOLLOW_HEIGHT:g} m)",
         contents(View.CLOSE_UP, run, "{run}", "truth", more=[scale_bar_path(run, CLOSE_UP)]),
     )
     loupe = _overhead(
         f"{follow}/{LOUPE}",
         1.0,
-        f"{whose}{'the' if several else 'The'} particles, coloured by weight",
+        f"{whose}particles" if several else "The particles, coloured by weight",
         contents(View.LOUPE, run, "{run}", "truth", more=[scale_bar_path(run, LOUPE)]),
         overrides={f"/{entities.PARTICLES.path(run)}": Points3D.from_fields(radii=Radius.ui_points(3.5))},
     )
     return close_up, loupe
 
 
-def _texture(run: str, several: bool, framing: Framing) -> rrb.Container:
+def _texture(runs: Sequence[str], framing: Framing) -> rrb.Container:
+    """Each run's floor, and the camera's images, which are the same for all."""
     images = rrb.Vertical(
         *(
-            rrb.Spatial2DView(origin=f"/{row.path(run)}", contents=["$origin"], name=name)
+            rrb.Spatial2DView(origin=f"/{row.path(runs[0])}", contents=["$origin"], name=name)
             for view, name in (
                 (View.COLOR_CAMERA, "Colour camera"),
                 (View.DEPTH_CAMERA, "Depth camera (bright is near)"),
@@ -167,14 +193,16 @@ def _texture(run: str, several: bool, framing: Framing) -> rrb.Container:
             if view in row.views
         )
     )
-    name = run if several else "Texture"
-    view = _overhead(
-        entities.OVERVIEW,
-        framing.aspect,
-        "Floor texture over the map",
-        contents(View.TEXTURE, run, "{run}", more=[entities.SCALE_BAR]),
-    )
-    return rrb.Horizontal(view, images, column_shares=[5, 2], name=name)
+    floors = [
+        _overhead(
+            entities.OVERVIEW,
+            framing.aspect,
+            "Floor texture over the map" if len(runs) == 1 else f"Floor: {run}",
+            contents(View.TEXTURE, run, "{run}", more=[entities.SCALE_BAR]),
+        )
+        for run in runs
+    ]
+    return rrb.Horizontal(_in_rows(floors), images, column_shares=[5, 2], name="Texture")
 
 
 def _three_d(run: str, several: bool, framing: Framing) -> rrb.Spatial3DView:

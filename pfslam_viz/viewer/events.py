@@ -30,6 +30,7 @@ class Event:
     seconds: float
     level: str
     text: str
+    closes_loop: bool = False
 
     @property
     def line(self) -> str:
@@ -93,12 +94,12 @@ class Chronicle:
             if not told or closure.later - told[-1] > SAME_SCANS:
                 told.append(closure.later)
                 text = f"loop closed with scan {closure.earlier:,}"
-                yield Event(closure.later, float(times[closure.later]), EVENT, text)
+                yield Event(closure.later, float(times[closure.later]), EVENT, text, closes_loop=True)
         if result.interrupted:
             yield Event(last.index, last.time, DOUBT, "interrupted")
         moved = np.hypot(*(result.estimate - result.online)[:, :2].T)
         if moved.size and moved.max() > 1e-3:
-            text = f"hindsight: moved by {moved.max():.2f} m"
+            text = f"hindsight: by {moved.max():.2f} m"
             yield Event(last.index, last.time, EVENT, text)
         if result.kept is not None and result.kept.trajectory == "online":
             yield Event(last.index, last.time, EVENT, "run's trajectory kept")

@@ -110,6 +110,36 @@ def _outline(results: Sequence[Result], low: Array, high: Array) -> Array:
     return np.asarray(inside[np.argmax(inside @ directions, axis=0)])
 
 
+@dataclass(frozen=True, slots=True)
+class Pointers:
+    """Arrows at the edge of a framing, (n, 2) m each, to something that is ``beyond`` (n,) m outside; 0: inside."""
+
+    origins: Array
+    vectors: Array
+    beyond: Array
+
+
+POINTER, POINTERS = 0.05, 2000  # length as a share of the framing's height; so many moments at most
+INSET = 0.03  # of the framing's height: how far inside of its edge the arrow ends
+
+
+def out_of_view(framing: Framing, poses: Array) -> tuple[NDArray[np.intp], Pointers]:
+    """The moments, rows of ``poses`` (m, 3), from which on an arrow holds, and the arrows: n each, of one at least."""
+    inset = INSET * framing.height
+    half = np.array([framing.width, framing.height]) / 2 - inset
+    inside = np.clip(poses[:, :2], framing.center - half, framing.center + half)
+    apart = poses[:, :2] - inside
+    far = np.hypot(apart[:, 0], apart[:, 1])
+    outside = far > inset
+    changes = np.flatnonzero(np.diff(outside, prepend=False))
+    every = max(len(poses) // POINTERS, 1)
+    moments = np.flatnonzero(outside & (np.arange(len(poses)) % every == 0))
+    rows = np.unique(np.concatenate([[0], changes, moments])).astype(np.intp)
+    vectors = POINTER * framing.height * apart[rows] / np.maximum(far[rows], 1e-9)[:, None]
+    beyond = np.where(outside[rows], far[rows] - inset, 0.0)
+    return rows, Pointers(inside[rows] - vectors, vectors, beyond)
+
+
 def round_length(most: float) -> float:
     """The longest of 1, 2 or 5 times a power of ten that is no longer than ``most``, in m."""
     power = 10.0 ** np.floor(np.log10(most))

@@ -15,8 +15,9 @@ INTRODUCTION = (
     "Drag the timeline at the bottom, or press the space bar to play. `step` counts scans; `time` is seconds since the"
     " first one. **Compare** shows what the wheels and the gyro alone believe (dead reckoning, vermilion) beside what"
     " the particle filter makes of it ({runs}), on the same piece of floor. The truth, where it is known, is green."
-    " **Filter** follows the robot and its particles. **Events** lists what"
-    " happened: click an event's step to go there."
+    " **Filter** follows the robot and its particles. **Error**, where the truth is known, colours the trajectories by"
+    " their distance from it. **Events** lists what happened: click an event's `#`, at its left, to go there. In the"
+    " panel at the left (Ctrl+Shift+B) each entity has an eye, which hides it."
 )
 
 PLOTTED = (Kind.CURVE, Kind.MARKS)
@@ -51,7 +52,7 @@ def legend_page(colors: Mapping[str, Color], recording: Recording) -> str:
     lines = [
         "**Look for** walls: dead reckoning doubles and bends them, the filter keeps each in its place.",
         "",
-        "- white free, black wall, grey-green unknown",
+        "- white free, black wall, grey-green unknown, nearly white a gap between rays",
         "- vermilion: dead reckoning",
         *([f"- {_named(colors)}: the filter, as estimated then"] if len(colors) == 1 else []),
         *(f"- {COLOR_NAMES[color]}: {run}" for run, color in colors.items() if len(colors) > 1),
@@ -59,6 +60,20 @@ def legend_page(colors: Mapping[str, Color], recording: Recording) -> str:
         "- dots: the lidar now; light blue on a known wall, magenta on none",
         "- violet, in the last step: the trajectory and closed loops in hindsight",
         "- ellipse: where the robot is by 2 sigmas",
+        "- on the way: magenta, resampled; crimson, to be doubted; violet, loop closed",
+        "- arrow at the edge: dead reckoning is out of view",
+    ]
+    return "\n".join(lines)
+
+
+def filter_legend_page(colors: Mapping[str, Color]) -> str:
+    """The same beside the curves of the tab Filter."""
+    lines = [
+        *(f"- {COLOR_NAMES[color]}: {run if len(colors) > 1 else 'the filter'}" for run, color in colors.items()),
+        "- magenta line and dots: N_eff below which particles are resampled; where they were",
+        "- particles: yellow no weight, green an average one, dark violet many times that",
+        "- pale violet: where they come from",
+        "- magenta arrow: what scan matching corrected, ten times as long",
     ]
     return "\n".join(lines)
 

@@ -1,5 +1,6 @@
 """What is logged once: the table's colours and widths, the robot's shape, the cameras that look down."""
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -44,10 +45,35 @@ def style_shared(sink: Sink, recording: Recording) -> None:
             _style(sink, row, row.owner, entities.DEAD_RECKONING, None)
 
 
-def log_framing(sink: Sink, framing: Framing) -> None:
-    """Point the overview's camera at a piece of floor."""
+def log_framing(sink: Sink, framing: Framing, truth: bool) -> None:
+    """Point the overview's camera at a piece of floor; with ``truth``, put the colours of errors there."""
     sink.log_static(entities.OVERVIEW, *overhead_camera(framing.center, framing.height, framing.aspect))
     sink.log_static(entities.SCALE_BAR, _scale_bar(framing.center, framing.width, framing.height))
+    if truth:
+        bar, limits = _error_scale(framing)
+        sink.log_static(entities.ERROR_SCALE, bar)
+        sink.log_static(f"{entities.ERROR_SCALE}/limits", limits)
+
+
+def _error_scale(framing: Framing) -> tuple[rr.LineStrips3D, rr.Points3D]:
+    """A bar of the colours of errors at the top of a piece of floor, and the limits between them, written below it."""
+    n = len(entities.ERROR_RAMP)
+    x = framing.center[0] + framing.width * np.linspace(-0.46, 0.46, n + 1)
+    y, z = framing.center[1] + 0.47 * framing.height, entities.POSE_Z
+    bar = [[[a, y, z], [b, y, z]] for a, b in pairwise(x)]
+    words = [_length(limit) for limit in entities.ERROR_LIMITS]
+    points = rr.Points3D(
+        [[at, y, z] for at in x[1:-1]],
+        colors=[(20, 20, 20)] * (n - 1),
+        radii=rr.Radius.ui_points(2.5),
+        labels=words,
+        show_labels=True,
+    )
+    return rr.LineStrips3D(bar, colors=entities.ERROR_RAMP, radii=rr.Radius.ui_points(4.0)), points
+
+
+def _length(meters: float) -> str:
+    return f"{meters:g} m" if meters >= 1 else f"{100 * meters:g} cm"
 
 
 def log_loupe(sink: Sink, run: str, spread: float | None) -> None:
@@ -68,10 +94,9 @@ def _scale_bar(center: tuple[float, float], width: float, height: float) -> rr.L
     left, y = center[0] - 0.46 * width, center[1] - 0.4 * height
     bar = [[left, y + tick], [left, y - tick], [left, y], [left + length, y], [left + length, y + tick]]
     bar += [[left + length, y - tick]]
-    text = f"{length:g} m" if length >= 1 else f"{100 * length:g} cm"
     points = np.insert(np.array(bar), 2, entities.POSE_Z, axis=1)
     return rr.LineStrips3D(
-        [points], colors=(20, 20, 20), radii=rr.Radius.ui_points(1.25), labels=text, show_labels=True
+        [points], colors=(20, 20, 20), radii=rr.Radius.ui_points(1.25), labels=_length(length), show_labels=True
     )
 
 

@@ -11,21 +11,21 @@ Points = NDArray[np.float32]
 
 
 class Trail:
-    """The trajectory of one thing over ``scans`` scans."""
+    """The trajectory of one thing over ``scans`` scans; with ``width`` 3, each of its points carries a number too."""
 
-    def __init__(self, scans: int) -> None:
-        self._points = np.empty((scans, 2), np.float32)
+    def __init__(self, scans: int, width: int = 2) -> None:
+        self._points = np.empty((scans, width), np.float32)
         self._count = 0
         self.every = max(int(np.sqrt(scans)), 2)
 
     def extend(self, poses: NDArray[np.float64]) -> tuple[list[tuple[int, Points]], list[Points]]:
-        """Append poses (n, 3), of which x and y count.
+        """Append poses (n, 3), of which x and y count, or n points of three numbers where these are kept.
 
         Returns the ``done`` strips with the row (index into ``poses``) each belongs to, and an ``open`` strip a row.
         """
         first = self._count
         self._count += len(poses)
-        self._points[first : self._count] = poses[:, :2]
+        self._points[first : self._count] = poses[:, : self._points.shape[1]]
         done, strips = [], []
         for row in range(len(poses)):
             k = first + row
@@ -34,3 +34,11 @@ class Trail:
                 done.append((row, self._points[: k + 1]))
             strips.append(self._points[start : k + 1])
         return done, strips
+
+
+def level_pieces(points: Points) -> list[tuple[Points, int]]:
+    """Points (m, 3) of x, y and a level as strips (k, 2) of one level each, which end where the next begins."""
+    levels = points[1:, 2].astype(int)
+    ends = [*(np.flatnonzero(np.diff(levels)) + 1).tolist(), len(levels)] if len(levels) else []
+    starts = [0, *ends[:-1]]
+    return [(points[a : b + 1, :2], int(levels[a])) for a, b in zip(starts, ends, strict=False)]
