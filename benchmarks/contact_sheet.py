@@ -48,8 +48,18 @@ SHEETS = (
     Sheet("intel", ("replay", "intel", "--config", "default"), "carmen"),
     Sheet("comparison", ("compare", "21", "--config", "default", "--config", "paper"), "twin21"),
 )
-SHOTS = (("Compare", 0.1), ("Compare", 0.5), ("Compare", 1.0), ("Filter", 0.5), ("Error", 0.5), ("Error", 1.0))
-SHOTS += (("Texture", 0.5), ("3-D", 0.5), ("3-D", 1.0), ("About", 1.0))
+SHOTS: tuple[tuple[str, float], ...] = (
+    ("Compare", 0.1),
+    ("Compare", 0.5),
+    ("Compare", 1.0),
+    ("Filter", 0.5),
+    ("Error", 0.5),
+    ("Error", 1.0),
+    ("Texture", 0.5),
+    ("3-D", 0.5),
+    ("3-D", 1.0),
+    ("About", 1.0),
+)
 """Tabs, and where in the recording; those that a recording does not have are left out."""
 
 

@@ -7,14 +7,14 @@ from rerun import Points3D, Radius
 
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.viewer import entities
-from pfslam_viz.viewer.entities import ENTITIES, Kind, View
-from pfslam_viz.viewer.framing import Framing, eye_on, overhead_size
+from pfslam_viz.viewer.entities import ENTITIES, Entity, Kind, View
+from pfslam_viz.viewer.framing import WINDOW, Framing, eye_on, overhead_size
 from pfslam_viz.viewer.style import CLOSE_UP, FOLLOW_HEIGHT, LOUPE, scale_bar_path
 
 LONGEST = 60.0  # s that a replay takes at most, however long the recording
 SPEED_UP = 2.0  # times real time, unless that takes longer
 IN_A_ROW = 3
-HEADROOM = 1.05  # above the most that N_eff can be
+WIDEST = 2.0  # width by height of all views in a row, in a window of 1280 x 720 pixels or wider
 
 BACKGROUND = (112, 137, 134)
 """What the viewer draws unknown cells in: a view looks the same inside and outside the map."""
@@ -37,10 +37,11 @@ def blueprint(
         tabs.append(_error(runs, recording, framing))
     if recording.frames is not None:
         tabs.append(_texture(runs, framing))
-    spaces = [_three_d(run, several, framing) for run in runs]
+    window = min(WINDOW, WIDEST / len(runs)) if len(runs) <= IN_A_ROW else WINDOW
+    spaces = [_three_d(run, several, framing, window) for run in runs]
     tabs.append(_in_rows(spaces, name="3-D") if several else spaces[0])
     return rrb.Blueprint(
-        rrb.Tabs(*tabs, _pages(), active_tab=0),
+        rrb.Tabs(*tabs, _pages(several), active_tab=0),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(
@@ -84,45 +85,49 @@ def contents(view: View, run: str, *owners: str, more: Sequence[str] = ()) -> li
     return [f"+ /{path}" for path in [*found, *more]]
 
 
-def _maps(view: View, runs: Sequence[str], framing: Framing, *truth: str, more: Sequence[str]) -> rrb.Container:
+def _maps(view: View, runs: Sequence[str], framing: Framing, titles: Sequence[str], *truth: str) -> rrb.Container:
     """Dead reckoning's map and the runs' beside each other; ``truth`` is the owner "truth", if it is drawn there."""
-    reckoned = contents(view, "", "dead_reckoning", *truth, more=more)
-    maps = [_overhead(entities.OVERVIEW, framing.aspect, "Dead reckoning: wheels and gyro alone", reckoned)]
-    for run in runs:
-        title = "Particle filter" if len(runs) == 1 else f"Particle filter: {run}"
-        maps.append(
-            _overhead(entities.OVERVIEW, framing.aspect, title, contents(view, run, "{run}", *truth, more=more))
-        )
-    return _in_rows(maps)
+    more = [entities.SCALE_BAR]
+    more += [entities.ERROR_SCALE, f"{entities.ERROR_SCALE}/limits"] if view is View.ERROR else []
+    shown = [contents(view, "", "dead_reckoning", *truth, more=more)]
+    shown += [contents(view, run, "{run}", *truth, more=more) for run in runs]
+    return _in_rows([_overhead(entities.OVERVIEW, framing.aspect, *each) for each in zip(titles, shown, strict=True)])
 
 
 def _compare(runs: Sequence[str], recording: Recording, framing: Framing, particles: int) -> rrb.Container:
-    row = _maps(View.COMPARE, runs, framing, "truth", more=[entities.SCALE_BAR])
+    several = len(runs) > 1
+    titles = ["Dead reckoning" if several else "Dead reckoning: wheels and gyro alone"]
+    titles += [f"Particle filter: {run}" if several else "Particle filter" for run in runs]
+    row = _maps(View.COMPARE, runs, framing, titles, "truth")
     plots = rrb.Horizontal(*_plots(View.COMPARE_PLOTS, recording, runs, particles))
     left = rrb.Vertical(row, plots, row_shares=[5, 2])
-    return rrb.Horizontal(left, _beside(runs), column_shares=[15, 4], name="Compare")
+    return rrb.Horizontal(left, _beside(runs), column_shares=[14, 4], name="Compare")
 
 
 def _error(runs: Sequence[str], recording: Recording, framing: Framing) -> rrb.Container:
     """Where the trajectories err, by colour, and the filters' own errors over time, which dead reckoning's dwarf."""
-    more = [entities.SCALE_BAR, entities.ERROR_SCALE, f"{entities.ERROR_SCALE}/limits"]
-    row = _maps(View.ERROR, runs, framing, more=more)
+    titles = ["Dead reckoning by error", *(f"{run if len(runs) > 1 else 'Particle filter'} by error" for run in runs)]
+    row = _maps(View.ERROR, runs, framing, titles)
     plots = rrb.Horizontal(*_plots(View.ERROR_PLOTS, recording, runs))
     return rrb.Vertical(row, plots, row_shares=[2, 1], name="Error")
 
 
 def _beside(runs: Sequence[str]) -> rrb.Container:
-    """The legend, and the list of events without its least important ones."""
-    paths = [row.path(run) for row in ENTITIES if View.EVENTS in row.views for run in runs]
-    events = rrb.TextLogView(
-        origin="/events",
-        contents=[f"+ /{path}" for path in paths],
-        name="Events",
-        columns=rrb.TextLogColumns(timeline_columns=["step"], text_log_columns=[rrb.encodings.TextLogColumnKind.Body]),
-        rows=rrb.TextLogRows(filter_by_log_level=["INFO", "WARN"]),
-    )
+    """The legend, and a list of events for each run, without its least important ones."""
     legend = rrb.TextDocumentView(origin=f"/{entities.LEGEND}", name="Colours")
-    return rrb.Vertical(legend, events, row_shares=[1, 1])
+    lists = [
+        rrb.TextLogView(
+            origin="/events",
+            contents=[f"+ /{row.path(run)}" for row in ENTITIES if View.EVENTS in row.views],
+            name="Events" if len(runs) == 1 else f"Events: {run}",
+            columns=rrb.TextLogColumns(
+                timeline_columns=["step"], text_log_columns=[rrb.encodings.TextLogColumnKind.Body]
+            ),
+            rows=rrb.TextLogRows(filter_by_log_level=["INFO", "WARN"]),
+        )
+        for run in runs
+    ]
+    return rrb.Vertical(legend, *lists, row_shares=[1, *[1 / len(runs)] * len(runs)])
 
 
 def _plots(view: View, recording: Recording, runs: Sequence[str], particles: int = 1) -> list[rrb.TimeSeriesView]:
@@ -140,13 +145,19 @@ def _plots(view: View, recording: Recording, runs: Sequence[str], particles: int
                 rrb.TimeSeriesView(
                     origin=f"/plots/{first.plot}",
                     contents=[f"+ /{path}" for path in paths],
-                    name="N_eff, share of N" if share else first.title,
-                    axis_y=rrb.ScalarAxis(range=(0.0, HEADROOM * most)) if most else None,
+                    name=_plot_title(first, view, share),
+                    axis_y=rrb.ScalarAxis(range=(-0.03 * most, 1.05 * most)) if most else None,
                     axis_x=rrb.TimeAxis(link="Independent", view_range=whole),
                     plot_legend=rrb.PlotLegend(visible=False),  # it would cover the curves, whose colours are the maps'
                 )
             )
     return plots
+
+
+def _plot_title(first: Entity, view: View, share: bool) -> str:
+    if view is View.ERROR_PLOTS:
+        return "Error of the filter alone (m)"
+    return f"{first.title}, share of N" if share else first.title
 
 
 def _filter(runs: Sequence[str], recording: Recording, particles: int) -> rrb.Container:
@@ -205,8 +216,8 @@ def _texture(runs: Sequence[str], framing: Framing) -> rrb.Container:
     return rrb.Horizontal(_in_rows(floors), images, column_shares=[5, 2], name="Texture")
 
 
-def _three_d(run: str, several: bool, framing: Framing) -> rrb.Spatial3DView:
-    eye, target = eye_on(framing)
+def _three_d(run: str, several: bool, framing: Framing, window: float) -> rrb.Spatial3DView:
+    eye, target = eye_on(framing, window)
     return rrb.Spatial3DView(
         origin="/world",
         contents=contents(View.THREE_D, run, "{run}", "dead_reckoning", "truth"),
@@ -222,10 +233,11 @@ def _three_d(run: str, several: bool, framing: Framing) -> rrb.Spatial3DView:
     )
 
 
-def _pages() -> rrb.Container:
+def _pages(several: bool) -> rrb.Container:
+    """``several`` runs have a wide table of results."""
     return rrb.Horizontal(
         rrb.TextDocumentView(origin=f"/{entities.HELP}", name="What you see"),
         rrb.TextDocumentView(origin=f"/{entities.ABOUT}", name="This recording"),
-        column_shares=[3, 2],
+        column_shares=[1, 1] if several else [3, 2],
         name="About",
     )

@@ -166,8 +166,7 @@ class Collector:
 
     def _add_event(self, event: Event, pose: Array) -> None:
         """Its line in the list, and its marks on the maps."""
-        line = event.line if self._run == ONLY_RUN else f"{self._run} {event.step:,}:\n{event.text}"
-        note = Note(line, event.level)
+        note = Note(event.line, event.level)
         self._contents.append(TimedContent(entities.EVENTS.path(self._run), event.step, event.seconds, note))
         if self._last is not None:
             self._add_marks(self._marks.of(event, pose, self._last.index))

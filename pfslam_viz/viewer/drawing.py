@@ -92,7 +92,7 @@ class Drawing:
             return
         rows, pointers = out_of_view(framing, result.dead_reckoning)
         seconds = result.stamps[rows] - self.recording.stamps[0]
-        labels = [f"dead reckoning, {far:.0f} m beyond" for far in pointers.beyond]
+        labels = [f"{far:.0f} m" for far in pointers.beyond]
         z = entities.OUT_OF_VIEW.z
         columns = archetypes.pointer_columns(pointers.origins, pointers.vectors, labels, pointers.beyond > 0, z)
         self._send_rows(entities.OUT_OF_VIEW.path(self.run), rows, seconds, columns)
@@ -179,7 +179,7 @@ class Drawing:
         for name, values in curves.items():
             self._send(RUN_CURVES[name], scans, archetypes.scalar_columns(values))
         if self.config.resampling.policy == "n_eff":  # marks at every scan would say nothing
-            self._send_some(entities.RESAMPLED, scans, np.flatnonzero(scans.resampled), curves["n_eff"])
+            self._send_some(entities.RESAMPLED, scans, np.flatnonzero(scans.resampled), np.zeros(len(scans)))
             limits = self.config.resampling.threshold * scans.weights.lengths / particles
             ends = np.unique([0, len(scans) - 1])  # of a straight line
             self._send_some(entities.N_EFF_LIMIT, scans, ends, limits)

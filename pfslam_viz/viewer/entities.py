@@ -27,6 +27,7 @@ HINDSIGHT: Color = (120, 70, 200)
 LINEAGE: Color = (160, 130, 215)
 WALL: Color = (70, 84, 92)
 DOUBT: Color = (165, 15, 40)
+INK: Color = (20, 20, 20)
 
 RUNS: tuple[Color, ...] = (FILTER, (235, 172, 0), (150, 40, 150), (125, 125, 125))
 """A colour for each run that is compared; the first is the filter's where there is one."""
@@ -48,7 +49,7 @@ def run_colors(configs: Sequence[Config]) -> list[Color]:
 
 COLOR_NAMES: dict[Color, str] = {
     **{DEAD_RECKONING: "vermilion", TRUTH: "green", HIT: "light blue", MISS: "magenta", HINDSIGHT: "violet"},
-    **{LINEAGE: "pale violet", WALL: "slate", DOUBT: "crimson"},
+    **{LINEAGE: "pale violet", WALL: "slate", DOUBT: "crimson", INK: "black"},
     **dict(zip(RUNS, ("blue", "amber", "purple", "grey"), strict=True)),
 }
 """What the help page calls the colours."""
@@ -97,7 +98,7 @@ SCALE_BAR = "world/scale_bar"
 """A line of round length in the corner of the overview; what follows the robot has such lines of its own."""
 
 ERROR_SCALE = "world/error_scale"
-"""The colours of errors, in the upper left corner of the overview."""
+"""The colours of errors, at the right of the overview."""
 
 
 class Kind(Enum):
@@ -199,7 +200,7 @@ _NEAR = (View.CLOSE_UP, View.LOUPE)
 # fmt: off
 # What each run has of its own: in the order of the help page.
 MAP = Entity("world/{run}/map", Kind.GRID, z=MAP_Z, views=(*_MAPS, View.ERROR),
-    help="the filter's map: white is free, black occupied, grey-green unknown, nearly white a gap between rays")
+    help="the filter's map: white is free, black occupied, grey-green unknown, nearly white a narrow gap between rays")
 WALLS = Entity("world/{run}/walls", Kind.BOXES, color=WALL, views=(View.THREE_D,),
     help="in 3-D: the occupied cells, raised (a drawing; the lidar sees one height)")
 PARTICLES = Entity("world/{run}/particles", Kind.POINTS, width=2.0, few=3.5, z=PARTICLE_Z, views=_SCANS,
@@ -245,8 +246,8 @@ DOUBTED_AT = Entity("world/{run}/marks/doubt", Kind.POINTS, color=DOUBT, width=4
     help="{color} dots: where the robot was when something was to be doubted (WARN in the list of events)")
 CLOSED_AT = Entity("world/{run}/marks/loop", Kind.POINTS, color=HINDSIGHT, width=4.0, z=POSE_Z,
     views=(View.COMPARE, View.CLOSE_UP, View.THREE_D), help="{color} dots: where a loop was closed")
-NEWEST = Entity("world/{run}/marks/newest", Kind.POINTS, color=DOUBT, width=4.0, z=POSE_Z,
-    views=(View.COMPARE, View.THREE_D), help="the newest of these dots, for a while, and what happened there")
+NEWEST = Entity("world/{run}/marks/newest", Kind.POINTS, color=INK, width=1.5, z=POSE_Z,
+    views=(View.COMPARE, View.THREE_D), help="{color}: in the newest of these dots, for a while, what happened there")
 TEXTURE = Entity("world/{run}/texture", Kind.GRID, z=TEXTURE_Z, views=(View.TEXTURE, View.THREE_D),
     help="the floor's colours as the camera saw them, over the map")
 COLOR_IMAGE = Entity("world/{run}/robot/camera", Kind.CAMERA, color="run", views=(View.COLOR_CAMERA, View.THREE_D),
@@ -270,9 +271,9 @@ RECKONED_TRAJECTORY = Entity("world/dead_reckoning/trajectory", Kind.TRAIL, colo
     z=TRAIL_Z, views=(View.COMPARE, View.THREE_D), help="{color}: where odometry alone leads")
 RECKONED_ERROR_TRAJECTORY = Entity("world/dead_reckoning/error", Kind.TRAIL, width=2.5, z=TRAIL_Z, views=(View.ERROR,),
     help="dead reckoning at every scan, by its distance from the truth, in the same colours")
-OUT_OF_VIEW = Entity("world/dead_reckoning/out_of_view", Kind.ARROWS, color=DEAD_RECKONING, width=3.0, z=POSE_Z,
+OUT_OF_VIEW = Entity("world/dead_reckoning/out_of_view", Kind.ARROWS, color=DEAD_RECKONING, width=4.0, z=POSE_Z,
     views=_OVERVIEWS,
-    help="{color} arrow at the edge, known at the end of a run: dead reckoning is out of view there, so far beyond")
+    help="{color} arrow at the edge, from the end of a run on: dead reckoning is out of view, so far beyond the edge")
 TRUE_ROBOT = Entity("world/truth/robot", Kind.ROBOT, color=TRUTH, width=1.5, z=POSE_Z,
     help="{color} arrow: the true pose")
 TRUE_TRAJECTORY = Entity("world/truth/trajectory", Kind.TRAIL, color=TRUTH, width=0.75, z=TRUTH_Z,  # on the estimates
@@ -295,7 +296,8 @@ N_EFF = Entity("plots/n_eff/{run}", Kind.CURVE, color="run", width=1.5, views=(V
 N_EFF_LIMIT = Entity("plots/n_eff/{run}/threshold", Kind.CURVE, color=MISS, width=1.0,
     views=(View.COMPARE_PLOTS, View.FILTER_PLOTS), help="{color} line: below this N_eff, particles are resampled")
 RESAMPLED = Entity("plots/n_eff/{run}/resampled", Kind.MARKS, color=MISS, width=1.5,
-    views=(View.COMPARE_PLOTS, View.FILTER_PLOTS), help="{color} dot: the particles were resampled after this scan")
+    views=(View.COMPARE_PLOTS, View.FILTER_PLOTS),
+    help="{color} dots at the bottom: the particles were resampled after this scan")
 SPREAD = Entity("plots/spread/{run}", Kind.CURVE, color="run", width=1.5, views=(View.COMPARE_PLOTS,),
     title="Spread (m)", keep="Max",
     help="m: standard deviation of the particles' positions")

@@ -42,7 +42,7 @@ class Lasting:
     """Something that holds for some scans, flickers of it counted as one."""
 
     def __init__(self, begins: str, ends: str, at_least: int = 1) -> None:
-        """``ends`` names the number of scans as {n}. Told once it held for ``at_least`` scans in a row, and as over
+        """``ends`` has {n} for how many scans it held. Told once it held for ``at_least`` scans in a row, and as over
         once it did not for ten times as many."""
         self._begins, self._ends, self._at_least = begins, ends, at_least
         self._in_a_row, self._quiet = 0, 0
@@ -57,7 +57,7 @@ class Lasting:
         elif self._since is not None and self._quiet >= FLICKER * self._at_least:
             lasted = step.index - self._quiet + 1 - self._since
             self._since = None
-            yield Event(step.index, step.time, EVENT, self._ends.format(n=f"{lasted:,}"))
+            yield Event(step.index, step.time, EVENT, self._ends.format(n=f"{lasted:,} scan{'s' * (lasted > 1)}"))
 
 
 class Chronicle:
@@ -66,9 +66,9 @@ class Chronicle:
     def __init__(self, recording: Recording, config: Config) -> None:
         self._recording, self._config = recording, config
         self._last: Step | None = None
-        self._open = Lasting("corridor open", "corridor left, {n} scans", 3)
-        self._blind = Lasting("no match with map", "matches again, {n} scans")
-        self._deaf = Lasting("odometry unknown", "odometry back, {n} scans")
+        self._open = Lasting("corridor open", "corridor left, {n}", 3)
+        self._blind = Lasting("no match with map", "matches again, {n}")
+        self._deaf = Lasting("odometry unknown", "odometry back, {n}")
         self._gaps = sorted(gaps(recording), key=lambda event: event.step, reverse=True)
 
     def add(self, step: Step) -> Iterator[Event]:
@@ -78,7 +78,7 @@ class Chronicle:
         while self._gaps and self._gaps[-1].step <= step.index:
             yield self._gaps.pop()
         yield from self._deaf.see(step, known is not None and not known[step.index])
-        yield from self._blind.see(step, not estimate.informative)
+        yield from self._blind.see(step, not estimate.informative and step.index > 0)  # the first makes the map
         yield from self._open.see(step, estimate.match is not None and estimate.match.degenerate is not None)
         if estimate.resampled and self._config.resampling.policy != "always":
             share = f"N_eff {estimate.n_eff:.1f} of {len(estimate.weights):,}"

@@ -119,8 +119,8 @@ class Pointers:
     beyond: Array
 
 
-POINTER, POINTERS = 0.05, 2000  # length as a share of the framing's height; so many moments at most
-INSET = 0.03  # of the framing's height: how far inside of its edge the arrow ends
+POINTER, POINTERS = 0.08, 2000  # length as a share of the framing's height; so many moments at most
+INSET = 0.05  # of the framing's height: how far inside of its edge the arrow ends
 
 
 def out_of_view(framing: Framing, poses: Array) -> tuple[NDArray[np.intp], Pointers]:
@@ -186,11 +186,11 @@ FILL = 0.94  # share of the view that the building may fill
 ROOF = 0.6  # m
 
 
-def eye_on(framing: Framing) -> tuple[Array, Array]:
+def eye_on(framing: Framing, window: float = WINDOW) -> tuple[Array, Array]:
     """Where an eye is, and what it looks at, (3,) m each, so that it sees all of the framing's outline from above.
 
-    It looks across the longer side, so that this lies along the window, from as near as a window of
-    :data:`WINDOW` allows, and puts what it sees in the middle of the view.
+    It looks across the longer side, so that this lies along the window, from as near as a view of this width by height
+    (or wider) allows, and puts what it sees in the middle of the view.
     """
     low, high = framing.outline.min(axis=0), framing.outline.max(axis=0)
     width, height = np.maximum(high - low, 1.0)
@@ -207,6 +207,6 @@ def eye_on(framing: Framing) -> tuple[Array, Array]:
         across, along = seen @ right / depth, seen @ up / depth
         aside, ahead = (across.min() + across.max()) / 2, (along.min() + along.max()) / 2
         target = target + 0.7 * distance * (aside * right + ahead * np.array([*(-back / np.sin(PITCH)), 0.0]))
-        reach = max(np.ptp(across) / 2 / WINDOW, np.ptp(along) / 2)
+        reach = max(np.ptp(across) / 2 / window, np.ptp(along) / 2)
         distance *= (reach / most) ** 0.7
     return target + distance * toward, target

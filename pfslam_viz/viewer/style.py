@@ -56,20 +56,19 @@ def log_framing(sink: Sink, framing: Framing, truth: bool) -> None:
 
 
 def _error_scale(framing: Framing) -> tuple[rr.LineStrips3D, rr.Points3D]:
-    """A bar of the colours of errors at the top of a piece of floor, and the limits between them, written below it."""
-    n = len(entities.ERROR_RAMP)
-    x = framing.center[0] + framing.width * np.linspace(-0.46, 0.46, n + 1)
-    y, z = framing.center[1] + 0.47 * framing.height, entities.POSE_Z
-    bar = [[[a, y, z], [b, y, z]] for a, b in pairwise(x)]
-    words = [_length(limit) for limit in entities.ERROR_LIMITS]
-    points = rr.Points3D(
-        [[at, y, z] for at in x[1:-1]],
-        colors=[(20, 20, 20)] * (n - 1),
-        radii=rr.Radius.ui_points(2.5),
-        labels=words,
+    """A bar of the colours of errors at the right of a piece of floor, the largest on top, and the limits between."""
+    x, z = framing.center[0] + 0.48 * framing.width, entities.POSE_Z
+    y = framing.center[1] + framing.height * np.linspace(-0.45, 0.45, len(entities.ERROR_RAMP) + 1)
+    bar = [[[x, a, z], [x, b, z]] for a, b in pairwise(y)]
+    beside, lift = x - 0.055 * framing.height, 0.03 * framing.height  # the viewer writes below a point
+    limits = rr.Points3D(
+        [[beside, at + lift, z] for at in y[1:-1]],
+        colors=entities.INK,
+        radii=0.0,
+        labels=[_length(limit) for limit in entities.ERROR_LIMITS],
         show_labels=True,
     )
-    return rr.LineStrips3D(bar, colors=entities.ERROR_RAMP, radii=rr.Radius.ui_points(4.0)), points
+    return rr.LineStrips3D(bar, colors=entities.ERROR_RAMP, radii=rr.Radius.ui_points(4.0)), limits
 
 
 def _length(meters: float) -> str:
@@ -96,7 +95,7 @@ def _scale_bar(center: tuple[float, float], width: float, height: float) -> rr.L
     bar += [[left + length, y - tick]]
     points = np.insert(np.array(bar), 2, entities.POSE_Z, axis=1)
     return rr.LineStrips3D(
-        [points], colors=(20, 20, 20), radii=rr.Radius.ui_points(1.25), labels=_length(length), show_labels=True
+        [points], colors=entities.INK, radii=rr.Radius.ui_points(1.25), labels=_length(length), show_labels=True
     )
 
 

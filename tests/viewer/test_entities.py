@@ -114,10 +114,10 @@ def test_every_row_is_filled_with_data(file: "Readable", row: Entity) -> None:
 def test_every_row_that_is_visible_is_on_the_help_page(file: "Readable", row: Entity) -> None:
     page = file.static("help", "text")[0]
     for path in row.visible("filter") if row.kind is Kind.TRAIL else [row.path("filter")]:
-        assert (f"| `/{path}` |" in page) == (row.kind is not Kind.FRAME), path
+        assert (f"- `/{path}`: " in page) == (row.kind is not Kind.FRAME), path
     if isinstance(row.color, tuple):
         name = entities.COLOR_NAMES[row.color]
-        assert f"`/{path}` | {name}" in page or row.kind in (Kind.BOXES, Kind.CURVE)
+        assert f"`/{path}`: {name}" in page or row.kind in (Kind.BOXES, Kind.CURVE)
 
 
 COLORED = {Kind.CAMERA: "color", Kind.CURVE: "colors", Kind.MARKS: "colors", Kind.BOXES: "colors"}
@@ -147,7 +147,7 @@ def test_the_static_style_is_the_rows(file: "Readable", row: Entity) -> None:
 
 
 TITLES = {
-    View.CLOSE_UP: "Round the robot (9 m)",
+    View.CLOSE_UP: "The robot (9 m)",
     View.LOUPE: "The particles, coloured by weight",
     View.TEXTURE: "Floor texture over the map",
     View.THREE_D: "3-D",
@@ -156,23 +156,28 @@ TITLES = {
     View.EVENTS: "Events",
 }
 RECKONED, FILTERED = "Dead reckoning: wheels and gyro alone", "Particle filter"
-SIDES = {"{run}": {FILTERED}, "dead_reckoning": {RECKONED}, "truth": {RECKONED, FILTERED}}
+BY_ERROR = "Dead reckoning by error", "Particle filter by error"
+SIDES = {
+    View.COMPARE: {"{run}": {FILTERED}, "dead_reckoning": {RECKONED}, "truth": {RECKONED, FILTERED}},
+    View.ERROR: {"{run}": {BY_ERROR[1]}, "dead_reckoning": {BY_ERROR[0]}, "truth": set()},
+}
 
 
 @each_row
 def test_the_views_that_the_row_names_show_it_and_no_others(file: "Readable", row: Entity) -> None:
     views = file.views()
     expected = {TITLES[view] for view in row.views if view in TITLES}
-    if View.COMPARE in row.views:
-        expected |= SIDES[row.owner]
+    for view, sides in SIDES.items():
+        if view in row.views:
+            expected |= sides[row.owner]
     for path in row.visible("filter"):
         hidden = {TITLES[View.CLOSE_UP]} if path.endswith("/shape") else set()  # it would cover the particles
         shown = {view.name for view in views if path in view.contents and view.kind != "TimeSeries"}
         assert shown == expected - hidden, path
     plots = [view.name for view in views if row.path("filter") in view.contents and view.kind == "TimeSeries"]
-    assert len(plots) == len({View.COMPARE_PLOTS, View.FILTER_PLOTS} & set(row.views))
+    assert len(plots) == len({View.COMPARE_PLOTS, View.FILTER_PLOTS, View.ERROR_PLOTS} & set(row.views))
     if row.title:
-        assert set(plots) == {row.title}
+        assert set(plots) - {"Error of the filter alone (m)"} == {row.title}
 
 
 def test_the_layout_holds_at_least_this(file: "Readable") -> None:
@@ -182,17 +187,18 @@ def test_the_layout_holds_at_least_this(file: "Readable") -> None:
     names += ["mean", "covariance", "lineages", "correction", "degenerate"]
     truth = {"world/truth/trajectory/done", "world/truth/trajectory/open"}
     assert views["The particles, coloured by weight"].contents >= {f"world/filter/{name}" for name in names} | truth
-    assert views["Error against truth (m)"].contents >= {"plots/error/filter", "plots/error/dead_reckoning"}
+    assert views["Error (m)"].contents >= {"plots/error/filter", "plots/error/dead_reckoning"}
     plots = Counter(view.name for view in file.views() if view.kind == "TimeSeries")
     assert plots >= Counter(
         [
-            "Dead reckoning from filter (m)",
-            "End points on occupied cells",
-            "Error against truth (m)",
-            "Heading: dead reckoning from filter (°)",
-            "N_eff: effective particles",
-            "N_eff: effective particles",
-            "Spread of the particles (m)",
+            "Drift (m)",
+            "End points on walls",
+            "Error (m)",
+            "Error of the filter alone (m)",
+            "Heading drift (°)",
+            "N_eff",
+            "N_eff",
+            "Spread (m)",
             "Surviving lineages",
         ]
     )
@@ -202,7 +208,7 @@ def test_every_map_has_a_scale_bar_of_round_length(file: "Readable") -> None:
     """A fifth of the view at most, and as long as its label says."""
     views = {view.name: view for view in file.views()}
     overview, follow = "world/scale_bar", "world/filter/follow"
-    bars = {RECKONED: overview, FILTERED: overview, TITLES[View.TEXTURE]: overview}
+    bars = dict.fromkeys((RECKONED, FILTERED, *BY_ERROR, TITLES[View.TEXTURE]), overview)
     bars |= {TITLES[View.CLOSE_UP]: f"{follow}/close_up_scale_bar", TITLES[View.LOUPE]: f"{follow}/loupe_scale_bar"}
     for name, path in bars.items():
         assert path in views[name].contents, name
