@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 UNKNOWN = 255  # as in ROS: 0 is free, 100 occupied
 IMAGE_SCALE = 2  # camera images are reduced by this
 FARTHEST_DISPARITY = 1100  # raw; the formula has no depth beyond
-BETWEEN_RAYS, PALE = 0.25, 6  # m: gaps between rays that are drawn as free, but for a tint, as Rerun counts
+GAPS = ((0.6, 20), (0.25, 6))  # m: gaps between rays that are drawn as free, but for a tint, as Rerun counts
 WALL_HEIGHT = 0.6  # m: low enough to look over
 _LEVELS = 120  # of shade()'s 128 to either side: for one observation of the kind that counts more
 
@@ -152,12 +152,14 @@ def occupancy(log_odds: NDArray[np.float32], hit: float, miss: float) -> tuple[N
 def grid_map(grid: OccupancyGrid) -> Cells:
     """The known part of the grid. Row 0 is the top in both.
 
-    Narrow gaps between free cells are nearly white: a room that a few scans saw looks like one that many did, whose
-    rays lie closer. A drawing: the grid, and the exported map, keep them unknown.
+    Gaps between free cells are pale, narrow ones nearly white: a room that a few scans saw looks like one that many
+    did, whose rays lie closer. A drawing: the grid, and the exported map, keep them unknown.
     """
     cells, rows, columns = occupancy(grid.log_odds, grid.config.log_odds_hit, grid.config.log_odds_miss)
-    cells = kernels.bridge(cells, round(BETWEEN_RAYS / grid.cell), 50, UNKNOWN, PALE)
-    return _placed(cells, grid, rows, columns, MAP.z)
+    drawn = cells
+    for gap, tint in GAPS:
+        drawn = kernels.bridge(cells, drawn, round(gap / grid.cell), 50, UNKNOWN, tint)
+    return _placed(drawn, grid, rows, columns, MAP.z)
 
 
 def _slices(box: NDArray[np.int64]) -> tuple[slice, slice]:

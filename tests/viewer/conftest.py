@@ -279,6 +279,16 @@ class Readable:
                 views.append(View(name[0], kind[0], contents))
         return views
 
+    def eye(self) -> tuple[Array, Array]:
+        """Where the eye of the final layout's 3-D view is, and what it looks at."""
+        found: list[dict[str, Any]] = []
+        for store in self._reader.blueprints():  # in no order
+            for chunk in self._reader.stream(store=store):
+                if chunk.entity_path.endswith("/EyeControls3D"):
+                    found += chunk.to_record_batch().to_pylist()
+        final = max(found, key=lambda row: row["log_time"])
+        return np.array(final["EyeControls3D:position"][0]), np.array(final["EyeControls3D:look_target"][0])
+
     def verify(self) -> str:
         done = subprocess.run(
             [viewer_binary(), "rrd", "verify", self.path], capture_output=True, text=True, check=False

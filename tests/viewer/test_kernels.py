@@ -46,10 +46,10 @@ def bridged(cells: np.ndarray, most: int) -> np.ndarray:
 def test_gaps_between_free_cells_are_bridged(most: int) -> None:
     row = np.array([[255, 0, 255, 255, 0, 255, 100, 0, 255, 100, 255, 0, 255]], np.uint8)
     if most >= 2:
-        assert kernels.bridge(row, most, 50, 255, 7)[0].tolist()[:6] == [255, 0, 7, 7, 0, 255]
+        assert kernels.bridge(row, row, most, 50, 255, 7)[0].tolist()[:6] == [255, 0, 7, 7, 0, 255]
     rng = np.random.default_rng(10)
     for cells in (row, row.T.copy(), rng.choice(np.array([0, 60, 255, 255, 255], np.uint8), (30, 40))):
-        np.testing.assert_array_equal(kernels.bridge(cells, most, 50, 255, 7), bridged(cells, most))
+        np.testing.assert_array_equal(kernels.bridge(cells, cells, most, 50, 255, 7), bridged(cells, most))
 
 
 @pytest.mark.parametrize("cell", [(0, 0), (5, 0), (0, 7), (8, 12)])
