@@ -8,8 +8,8 @@ import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
+from pfslam_viz.viewer.colors import ERROR_RAMP, WEIGHT_RAMP, Color
 from pfslam_viz.viewer.contents import Boxes, Cells, Content, Lines, Note, Spots
-from pfslam_viz.viewer.entities import ERROR_RAMP, WEIGHT_RAMP, Color
 from pfslam_viz.viewer.scan_batch import Ragged, ScanBatch, stride
 from pfslam_viz.viewer.trail import level_pieces
 

@@ -11,10 +11,11 @@ from pfslam_viz.config import Config
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.replay import Result
 from pfslam_viz.robot import CameraGeometry
-from pfslam_viz.viewer import archetypes, entities, pages, style
+from pfslam_viz.viewer import archetypes, colors, entities, pages, style
 from pfslam_viz.viewer.blueprint import blueprint
+from pfslam_viz.viewer.colors import Color
 from pfslam_viz.viewer.contents import Cells, TimedContent
-from pfslam_viz.viewer.entities import ONLY_RUN, RUN_CURVES, Color, Entity
+from pfslam_viz.viewer.entities import ONLY_RUN, RUN_CURVES, Entity
 from pfslam_viz.viewer.framing import Framing, out_of_view
 from pfslam_viz.viewer.scan_batch import ScanBatch, distance, error_levels
 from pfslam_viz.viewer.sinks import Sink
@@ -48,7 +49,7 @@ class Drawing:
         max_particles: int,
         *,
         run: str = ONLY_RUN,
-        color: Color = entities.FILTER,
+        color: Color = colors.FILTER,
         shared: bool = True,
         relative: bool = False,
     ) -> None:

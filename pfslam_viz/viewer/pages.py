@@ -8,7 +8,8 @@ from pfslam_viz.config import Config
 from pfslam_viz.recordings.findings import Severity, of
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.replay import Result
-from pfslam_viz.viewer.entities import COLOR_NAMES, ENTITIES, FILTER, Color, Entity, Kind
+from pfslam_viz.viewer.colors import COLOR_NAMES, FILTER, Color
+from pfslam_viz.viewer.entities import ENTITIES, Entity, Kind
 from pfslam_viz.viewer.outcome import outcome
 
 INTRODUCTION = (

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz.step import Step
-from pfslam_viz.viewer.entities import ERROR_LIMITS
+from pfslam_viz.viewer.colors import ERROR_LIMITS
 
 Array = NDArray[np.float64]
 Points = NDArray[np.float32]

@@ -8,9 +8,10 @@ import rerun as rr
 
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.robot import CameraGeometry
-from pfslam_viz.viewer import entities
+from pfslam_viz.viewer import colors, entities
+from pfslam_viz.viewer.colors import Color
 from pfslam_viz.viewer.contents import IMAGE_SCALE
-from pfslam_viz.viewer.entities import ENTITIES, Color, Entity, Kind
+from pfslam_viz.viewer.entities import ENTITIES, Entity, Kind
 from pfslam_viz.viewer.framing import Framing, overhead_camera, round_length
 from pfslam_viz.viewer.sinks import Sink
 
@@ -42,7 +43,7 @@ def style_shared(sink: Sink, recording: Recording) -> None:
     """Style what all runs share: dead reckoning, and truth where it is known."""
     for row in ENTITIES:
         if row.owner == "dead_reckoning" or (row.owner == "truth" and recording.truth is not None):
-            _style(sink, row, row.owner, entities.DEAD_RECKONING, None)
+            _style(sink, row, row.owner, colors.DEAD_RECKONING, None)
 
 
 def log_framing(sink: Sink, framing: Framing, truth: bool) -> None:
@@ -58,17 +59,17 @@ def log_framing(sink: Sink, framing: Framing, truth: bool) -> None:
 def _error_scale(framing: Framing) -> tuple[rr.LineStrips3D, rr.Points3D]:
     """A bar of the colours of errors at the right of a piece of floor, the largest on top, and the limits between."""
     x, z = framing.center[0] + 0.48 * framing.width, entities.POSE_Z
-    y = framing.center[1] + framing.height * np.linspace(-0.45, 0.45, len(entities.ERROR_RAMP) + 1)
+    y = framing.center[1] + framing.height * np.linspace(-0.45, 0.45, len(colors.ERROR_RAMP) + 1)
     bar = [[[x, a, z], [x, b, z]] for a, b in pairwise(y)]
     beside, lift = x - 0.055 * framing.height, 0.03 * framing.height  # the viewer writes below a point
     limits = rr.Points3D(
         [[beside, at + lift, z] for at in y[1:-1]],
-        colors=entities.INK,
+        colors=colors.INK,
         radii=0.0,
-        labels=[_length(limit) for limit in entities.ERROR_LIMITS],
+        labels=[_length(limit) for limit in colors.ERROR_LIMITS],
         show_labels=True,
     )
-    return rr.LineStrips3D(bar, colors=entities.ERROR_RAMP, radii=rr.Radius.ui_points(4.0)), limits
+    return rr.LineStrips3D(bar, colors=colors.ERROR_RAMP, radii=rr.Radius.ui_points(4.0)), limits
 
 
 def _length(meters: float) -> str:
@@ -95,7 +96,7 @@ def _scale_bar(center: tuple[float, float], width: float, height: float) -> rr.L
     bar += [[left + length, y - tick]]
     points = np.insert(np.array(bar), 2, entities.POSE_Z, axis=1)
     return rr.LineStrips3D(
-        [points], colors=entities.INK, radii=rr.Radius.ui_points(1.25), labels=_length(length), show_labels=True
+        [points], colors=colors.INK, radii=rr.Radius.ui_points(1.25), labels=_length(length), show_labels=True
     )
 
 

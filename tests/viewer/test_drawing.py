@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from pfslam_viz.viewer.collector import Collector, StreamOptions
+from pfslam_viz.viewer.colors import ERROR_LIMITS, ERROR_RAMP
 from pfslam_viz.viewer.drawing import Drawing
-from pfslam_viz.viewer.entities import ERROR_LIMITS, ERROR_RAMP
 from pfslam_viz.viewer.framing import Framing
 from pfslam_viz.viewer.sinks import open_sinks
 from pfslam_viz.viewer.stream import ReplayStream

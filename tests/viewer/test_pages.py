@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pfslam_viz import geometry
-from pfslam_viz.viewer.entities import RUNS
+from pfslam_viz.viewer.colors import RUNS
 from pfslam_viz.viewer.pages import about_page, filter_legend_page, help_page, legend_page
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pfslam_viz.errors import PfslamError
-from pfslam_viz.viewer import entities
+from pfslam_viz.viewer import colors
 from pfslam_viz.viewer.blueprint import BACKGROUND
 from pfslam_viz.viewer.framing import VIEWING_ANGLE
 from pfslam_viz.viewer.headless import headless_viewer
@@ -98,7 +98,7 @@ def test_what_one_scan_knows_has_not_the_colour_of_unknown(photographed: Photogr
     floor = near(left, (255, 255, 255))
     assert floor.mean() > 0.01
     unknown = near(right, BACKGROUND)
-    rows, columns = np.nonzero(near(right, entities.FILTER))  # the robot
+    rows, columns = np.nonzero(near(right, colors.FILTER))  # the robot
     close = np.hypot(*(np.indices(floor.shape) - np.array([rows.mean(), columns.mean()])[:, None, None])) < 70
     assert np.mean(unknown[floor & close]) < 0.12  # it was 0.70 in twin21 as first drawn, and 0.43 in the demo
     assert np.mean(unknown[floor]) < 0.35  # 0.79 and 0.61
@@ -112,9 +112,9 @@ def test_the_lowest_n_eff_is_painted(photographed: Photographed, read_back: "typ
     rows, columns = photographed.end.shape[:2]
     left, right = (int(MAPS * columns * share) for share in (0.53, 0.745))  # the third of four
     plot = photographed.end[int(0.75 * rows) : int(0.94 * rows), left:right].astype(int)
-    magenta = np.flatnonzero((near(plot, entities.MISS, 60)).mean(axis=1) > 0.2)
+    magenta = np.flatnonzero((near(plot, colors.MISS, 60)).mean(axis=1) > 0.2)
     at_threshold, at_zero = (magenta[magenta < magenta.mean()].mean(), magenta[magenta > magenta.mean()].mean())
-    blue = np.flatnonzero(near(plot, entities.FILTER, 60).any(axis=1))
+    blue = np.flatnonzero(near(plot, colors.FILTER, 60).any(axis=1))
     lowest = (at_zero - (blue.max() - 0.5)) / (at_zero - at_threshold) * threshold  # the line's middle
     assert lowest == pytest.approx(true, rel=0.1)
 
@@ -122,7 +122,7 @@ def test_the_lowest_n_eff_is_painted(photographed: Photographed, read_back: "typ
 def test_the_building_is_inside_of_the_3d_view(photographed: Photographed) -> None:
     """Nothing of it at the edges of the picture, and some of it near two of them."""
     view = photographed.space[70:-35, 3:-3]  # below the tabs, above the timeline, within the window's frame
-    building = near(view, (255, 255, 255)) | near(view, entities.WALL, 30) | near(view, (45, 55, 60), 25)
+    building = near(view, (255, 255, 255)) | near(view, colors.WALL, 30) | near(view, (45, 55, 60), 25)
     edge = np.ones(building.shape, bool)
     edge[6:-6, 6:-6] = False
     assert building.mean() > 0.03
@@ -156,13 +156,13 @@ def test_errors_are_seen_by_colour(photographed: Photographed) -> None:
     """Dead reckoning ends over a metre off, the settled trajectory within 5 cm everywhere."""
     picture = photographed.error[80 : int(0.65 * SIZE[1])]
     left, right = picture[:, 10 : SIZE[0] // 2 - 90], picture[:, SIZE[0] // 2 + 10 : -90]  # without the scales
-    worst, least = entities.ERROR_RAMP[-1], entities.ERROR_RAMP[0]
+    worst, least = colors.ERROR_RAMP[-1], colors.ERROR_RAMP[0]
     assert near(left, worst, 30).sum() > 100 and near(right, least, 30).sum() > 300
     assert near(right, worst, 30).sum() == 0
 
 
 def test_the_pixels_are_told_apart() -> None:
     """The tests above would pass on any picture if the colours that they look for were alike."""
-    colors: list[tuple[int, int, int]] = [BACKGROUND, (255, 255, 255), entities.FILTER, entities.MISS, entities.WALL]
-    picture = np.array(colors, np.uint8)[:, None]
-    assert [int(near(picture, color, 30).sum()) for color in colors] == [1] * len(colors)
+    wanted: list[colors.Color] = [BACKGROUND, (255, 255, 255), colors.FILTER, colors.MISS, colors.WALL]
+    picture = np.array(wanted, np.uint8)[:, None]
+    assert [int(near(picture, color, 30).sum()) for color in wanted] == [1] * len(wanted)
