@@ -61,7 +61,7 @@ def _error_scale(framing: Framing) -> tuple[rr.LineStrips3D, rr.Points3D]:
     x, z = framing.center[0] + 0.48 * framing.width, entities.POSE_Z
     y = framing.center[1] + framing.height * np.linspace(-0.45, 0.45, len(colors.ERROR_RAMP) + 1)
     bar = [[[x, a, z], [x, b, z]] for a, b in pairwise(y)]
-    beside, lift = x - 0.055 * framing.height, 0.03 * framing.height  # the viewer writes below a point
+    beside, lift = x - 0.07 * framing.height, 0.03 * framing.height  # the viewer writes below a point
     limits = rr.Points3D(
         [[beside, at + lift, z] for at in y[1:-1]],
         colors=colors.INK,
