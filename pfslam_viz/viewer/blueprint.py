@@ -174,17 +174,16 @@ def _filter(runs: Sequence[str], recording: Recording, particles: int) -> rrb.Co
 def _round_the_robot(run: str, several: bool) -> tuple[rrb.Spatial2DView, rrb.Spatial2DView]:
     """A few metres round the robot, and the particles."""
     follow = entities.FOLLOW.path(run)
-    whose = f"{run}: " if several else ""
     close_up = _overhead(
         f"{follow}/{CLOSE_UP}",
         1.0,
-        f"{whose}{'the' if several else 'The'} robot ({FOLLOW_HEIGHT:g} m)",
+        f"{run}: the robot ({FOLLOW_HEIGHT:g} m)" if several else f"Round the robot ({FOLLOW_HEIGHT:g} m)",
         contents(View.CLOSE_UP, run, "{run}", "truth", more=[scale_bar_path(run, CLOSE_UP)]),
     )
     loupe = _overhead(
         f"{follow}/{LOUPE}",
         1.0,
-        f"{whose}particles" if several else "The particles, coloured by weight",
+        f"{run}: particles" if several else "The particles, coloured by weight",
         contents(View.LOUPE, run, "{run}", "truth", more=[scale_bar_path(run, LOUPE)]),
         overrides={f"/{entities.PARTICLES.path(run)}": Points3D.from_fields(radii=Radius.ui_points(3.5))},
     )

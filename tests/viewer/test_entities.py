@@ -82,7 +82,7 @@ def test_the_static_style_is_the_rows(file: "Readable", row: Entity) -> None:
 
 
 TITLES = {
-    View.CLOSE_UP: "The robot (9 m)",
+    View.CLOSE_UP: "Round the robot (9 m)",
     View.LOUPE: "The particles, coloured by weight",
     View.TEXTURE: "Floor texture over the map",
     View.THREE_D: "3-D",
