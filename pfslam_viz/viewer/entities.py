@@ -176,7 +176,7 @@ DOUBTED_AT = Entity("world/{run}/marks/doubt", Kind.POINTS, color=DOUBT, width=4
 CLOSED_AT = Entity("world/{run}/marks/loop", Kind.POINTS, color=HINDSIGHT, width=4.0, z=POSE_Z,
     views=(View.COMPARE, View.CLOSE_UP, View.THREE_D), help="{color} dots: where a loop was closed")
 NEWEST = Entity("world/{run}/marks/newest", Kind.POINTS, color=INK, width=1.5, z=POSE_Z,
-    views=(View.COMPARE, View.THREE_D), help="{color}: in the newest of these dots, for a while, what happened there")
+    views=(View.COMPARE,), help="{color}: in the newest of these dots, for a while, what happened there")
 TEXTURE = Entity("world/{run}/texture", Kind.GRID, z=TEXTURE_Z, views=(View.TEXTURE, View.THREE_D),
     help="the floor's colours as the camera saw them, over the map")
 COLOR_IMAGE = Entity("world/{run}/robot/camera", Kind.CAMERA, color="run", views=(View.COLOR_CAMERA, View.THREE_D),

@@ -135,7 +135,10 @@ def out_of_view(framing: Framing, poses: Array) -> tuple[NDArray[np.intp], Point
     every = max(len(poses) // POINTERS, 1)
     moments = np.flatnonzero(outside & (np.arange(len(poses)) % every == 0))
     rows = np.unique(np.concatenate([[0], changes, moments])).astype(np.intp)
-    vectors = POINTER * framing.height * apart[rows] / np.maximum(far[rows], 1e-9)[:, None]
+    left, low = framing.center - half * np.array([0.4, 0.6])  # the scale bar lies in that corner
+    inside[(inside[:, 0] < left) & (inside[:, 1] < low), 1] = low
+    apart = poses[:, :2] - inside
+    vectors = POINTER * framing.height * apart[rows] / np.maximum(np.hypot(*apart[rows].T), 1e-9)[:, None]
     beyond = np.where(outside[rows], far[rows] - inset, 0.0)
     return rows, Pointers(inside[rows] - vectors, vectors, beyond)
 
