@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 from benchmarks.case import ROOT
 from pfslam_viz.errors import InputError, PfslamError
 from pfslam_viz.viewer.headless import headless_viewer
-from pfslam_viz.viewer.screenshot import picture
 
 Picture = NDArray[np.uint8]
 
 SIZES = ((1280, 720), (1600, 900))
+MENU_BAR = 36  # pixels at the top that belong to the viewer
 TILE = 800  # pixels of the sheet that each picture is wide
 COLUMNS, MARGIN, TITLE = 2, 8, 26  # of pictures; pixels around each, and above it for its name
 MOST_BYTES = 500_000
@@ -106,7 +106,8 @@ def make(sheet: Sheet, data: Path | None, folder: Path, out: Path) -> None:
 def photograph(recorded: Path, size: tuple[int, int]) -> list[tuple[str, Picture]]:
     """What the tabs show, each with a name."""
     shots = []
-    with headless_viewer(size) as viewer:
+    with tempfile.TemporaryDirectory() as temporary, headless_viewer(size) as viewer:
+        path = Path(temporary) / "shot.png"
         viewer.open(recorded)
         last = viewer.last_step()
         for tab, share in SHOTS:
@@ -115,7 +116,9 @@ def photograph(recorded: Path, size: tuple[int, int]) -> list[tuple[str, Picture
             except InputError:
                 continue
             step = round(share * last)
-            shots.append((f"{tab} {step}", picture(viewer, step, None)))
+            viewer.seek(step)
+            viewer.photograph(path)
+            shots.append((f"{tab} {step}", np.asarray(cv2.imread(str(path)), np.uint8)[MENU_BAR:]))
             for report in viewer.reports():
                 print(f"{recorded.name}, {tab}, step {step}: {report}")
     return shots

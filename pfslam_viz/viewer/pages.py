@@ -70,10 +70,10 @@ def filter_legend_page(colors: Mapping[str, Color]) -> str:
     """The same beside the curves of the tab Filter."""
     lines = [
         *(f"- {COLOR_NAMES[color]}: {run if len(colors) > 1 else 'the filter'}" for run, color in colors.items()),
-        "- magenta: N_eff's threshold, resampled",
+        "- magenta: threshold, resamplings",
         "- particles: yellow light, green average, dark violet heavy",
         "- pale violet: their ancestors",
-        "- magenta arrow: matching's correction, x 10",
+        "- magenta arrow: correction, x 10",
     ]
     return "\n".join(lines)
 
