@@ -56,10 +56,10 @@ def blueprint(
 
 
 def _in_rows(parts: Sequence[rrb.Container | rrb.View], name: str | None = None) -> rrb.Container:
-    """Views beside each other, in two columns where they are too many for one row."""
+    """Views beside each other, in two rows where they are too many for one."""
     if len(parts) <= IN_A_ROW:
         return rrb.Horizontal(*parts, name=name)
-    return rrb.Grid(*parts, grid_columns=2, name=name)
+    return rrb.Grid(*parts, grid_columns=-(-len(parts) // 2), name=name)
 
 
 def _overhead(origin: str, aspect: float, name: str, contents: list[str], **more: object) -> rrb.Spatial2DView:
