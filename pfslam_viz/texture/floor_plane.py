@@ -22,12 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz.robot import CameraGeometry, Intrinsics
-from pfslam_viz.texture.kinect import DISPARITIES, inverse_depth
+from pfslam_viz.texture.kinect import DISPARITIES, INVERSE_STEP, SCALE, inverse_depth
 
 Array = NDArray[np.float64]
 
-STEP = 0.00304  # of dd for one disparity
-SCALE = 1.03  # dd times depth, m
+STEP = -INVERSE_STEP  # of dd for one disparity
 EVERY = 8  # pixels: every eighth of every eighth row is looked at
 FARTHEST = 5.0  # m of depth: the noise of farther floor is larger than its height above the next thing
 TRIALS = 120  # planes through three pixels; with a third of the pixels floor, all would miss once in 400 images
