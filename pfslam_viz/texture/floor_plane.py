@@ -73,7 +73,7 @@ def fit_floor(disparity: NDArray[Any], camera: CameraGeometry) -> FloorPlane | N
     ``camera``, its height counted from the floor, says where floor is expected: planes that are off it by more than
     10° or 15 cm are other things. The same image gives the same answer.
     """
-    rays, dd = _pixels(disparity, camera)
+    rays, dd = sampled_pixels(disparity, camera)
     looked_at = len(dd)
     down, height = down_of(camera.pitch, camera.roll), camera.position[2]
     with np.errstate(divide="ignore"):
@@ -102,7 +102,7 @@ def fit_floor(disparity: NDArray[Any], camera: CameraGeometry) -> FloorPlane | N
     return FloorPlane(math.asin(z), math.atan2(x, y), SCALE / length, float(on.sum() / looked_at), noise / STEP)
 
 
-def _pixels(disparity: NDArray[Any], camera: CameraGeometry) -> tuple[Array, Array]:
+def sampled_pixels(disparity: NDArray[Any], camera: CameraGeometry) -> tuple[Array, Array]:
     """Rays (n, 3) at 1 m of depth, and dd (n,), of every EVERY-th pixel; dd is 0 without a reading."""
     flat = disparity[EVERY // 2 :: EVERY, EVERY // 2 :: EVERY].reshape(-1)
     known = (flat > 0) & (flat < DISPARITIES - 1)

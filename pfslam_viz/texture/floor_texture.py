@@ -63,6 +63,11 @@ class FloorTexture:
         """World position (m) of the lower left corner."""
         return -self.origin[1] * self.cell, (self.origin[0] - self.shape[0]) * self.cell
 
+    @property
+    def tilted_text(self) -> str:
+        """Such as ``tilted in 12 of 183 frames, painted with planes of their own``."""
+        return f"tilted in {self.tilted:,} of {self.frames:,} frames, painted with planes of their own"
+
     def add(self, disparity: NDArray[np.uint16], color: NDArray[np.uint8], pose: ArrayLike) -> int:
         """Paint what one frame shows of the floor; the number of cells it touched.
 

@@ -150,7 +150,7 @@ def match(patch: Float32, total: Float32, weight: Float32) -> Array:
                 seen, painted = patch[i, j, k] * a_pixel, total[i, j, k] * a_weight
                 if seen < DARKEST or seen > BRIGHTEST or painted < DARKEST:
                     continue
-                step = int(math.floor(STEPS * math.log(painted / seen) + middle))
+                step = math.floor(STEPS * math.log(painted / seen) + middle)
                 if 0 <= step < BINS:
                     votes[k, step] += min(count, MOST_PIXELS)
                     cells[k] += 1.0
@@ -172,7 +172,9 @@ def match(patch: Float32, total: Float32, weight: Float32) -> Array:
 
 
 @njit(cache=True, nogil=True)
-def blend(patch: Float32, gain: Array, total: Float32, weight: Float32, finest: Float32, color: NDArray[np.uint8]) -> int:
+def blend(
+    patch: Float32, gain: Array, total: Float32, weight: Float32, finest: Float32, color: NDArray[np.uint8]
+) -> int:
     """Like :func:`merge`, the ``patch`` times ``gain`` (3,), but with close views overruling far ones.
 
     ``finest`` (r, c) is the most pixels that a cell got in one frame. A frame with less than half as many is too coarse
