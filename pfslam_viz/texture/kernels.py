@@ -17,7 +17,7 @@ FEWEST_PIXELS = 4.0  # that a cell must have in a frame to be compared
 MOST_PIXELS = 64.0  # beyond which a cell says no more of the exposure
 EVERY = 2  # rows and columns of cells: others are not compared
 FEW_CELLS = 5.0  # so many make half of the gain that they say: their colours may differ for another reason
-LEAK = 0.02  # of a log gain is left out
+LEAK = 0.1  # of a log gain is left out, times the share of the frame's floor that is new
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # divisions that need no check are vectorised
@@ -135,16 +135,20 @@ def match(patch: Float32, total: Float32, weight: Float32) -> Array:
 
     Arrays as in :func:`merge`. Each channel's gain is the weighted median of painted over seen, in logarithms, over
     the cells that both have: half of the cells may show something else, or another part of a tile. A channel without
-    such cells has the others' gain. Gains chain from frame to frame, and so would their errors: :data:`LEAK` draws the
-    painted floor to the exposure of its latest 1 / LEAK frames.
+    such cells has the others' gain. Gains chain from frame to frame, and so would their errors, did not :data:`LEAK`
+    draw new floor to the exposure that it is seen with: after some ten views' worth of it they are forgotten.
     """
     votes, cells, logs = np.zeros((3, BINS), np.float32), np.zeros(3), np.zeros(3)
-    middle = 0.5 * BINS
+    middle, new, old = 0.5 * BINS, 0, 0
     for i in range(0, patch.shape[0], EVERY):
         for j in range(0, patch.shape[1], EVERY):
             count = patch[i, j, 3]
-            if count < FEWEST_PIXELS or weight[i, j] == 0.0:
+            if count < FEWEST_PIXELS:
                 continue
+            if weight[i, j] == 0.0:
+                new += 1
+                continue
+            old += 1
             a_pixel, a_weight = np.float32(1.0) / count, np.float32(1.0) / weight[i, j]
             for k in range(3):
                 seen, painted = patch[i, j, k] * a_pixel, total[i, j, k] * a_weight
@@ -154,12 +158,13 @@ def match(patch: Float32, total: Float32, weight: Float32) -> Array:
                 if 0 <= step < BINS:
                     votes[k, step] += min(count, MOST_PIXELS)
                     cells[k] += 1.0
+    kept = 1.0 - LEAK * new / max(new + old, 1)
     for k in range(3):
         half, below = 0.5 * votes[k].sum(), 0.0
         for step in range(BINS):
             if half > 0.0 and below + votes[k, step] >= half:
                 log = (step + (half - below) / votes[k, step] - middle) / STEPS
-                logs[k] = log * (1.0 - LEAK) * cells[k] / (cells[k] + FEW_CELLS)
+                logs[k] = log * kept * cells[k] / (cells[k] + FEW_CELLS)
                 break
             below += votes[k, step]
     known = cells > 0.0
@@ -179,10 +184,11 @@ def blend(
 
     ``finest`` (r, c) is the most pixels that a cell got in one frame. A frame with less than half as many is too coarse
     for the cell, however often it comes; others weigh their pixels, less in proportion where they have fewer than the
-    finest, as do earlier ones when a finer comes. Answers how many cells were seen.
+    finest. When a finer one comes, earlier ones together weigh no more than one, less in proportion, and nothing if
+    they are too coarse now. Answers how many cells were seen.
     """
     touched, red, green, blue = 0, np.float32(gain[0]), np.float32(gain[1]), np.float32(gain[2])
-    half, one, most = np.float32(0.5), np.float32(1.0), np.float32(255.5)
+    zero, half, one, most = np.float32(0.0), np.float32(0.5), np.float32(1.0), np.float32(255.5)
     for i in range(patch.shape[0]):
         for j in range(patch.shape[1]):
             count, best = patch[i, j, 3], finest[i, j]
@@ -193,7 +199,7 @@ def blend(
                 continue
             here, before = count / max(best, count), one
             if count > best:
-                before = best / count
+                before = min(best / weight[i, j], one) * best / count if best >= half * count else zero
                 finest[i, j] = count
             weight[i, j] = before * weight[i, j] + here * count
             total[i, j, 0] = before * total[i, j, 0] + here * red * patch[i, j, 0]
