@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -191,6 +192,16 @@ def test_a_frame_may_have_a_plane_of_its_own() -> None:
     (cell,) = np.argwhere(floor.weight)
     assert tuple(cell - floor.origin) == (-1, 15)
     assert (floor.frames, floor.tilted) == (2, 1)
+
+    # Pixel (400, 516), a = 0.34212, b = 0.26845, of a camera that also leans by 10°. To the left: -a cos 10° +
+    # b sin 10° = -0.29031; up: -a sin 10° - b cos 10° = -0.32378, and tilted -sin 21° - cos 21° * 0.32378 = -0.66064;
+    # depth = 0.52 / 0.66064 = 0.78711, d = 658.4; x = 0.35276 + 0.78711 * (cos 21° - sin 21° * 0.32378) = 0.996.
+    disparity = np.full((480, 640), NOTHING, np.uint16)
+    disparity[400, 516] = 658
+    leaning, pose = texture(floor_tolerance=0.01), (0.02, 0.03, 0.0)
+    assert leaning.add_cropped(*leaning.view.crop(disparity, color), pose, replace(plane, roll=math.radians(10))) == 1
+    (cell,) = np.argwhere(leaning.weight)
+    assert tuple(cell - leaning.origin) == (2, 14)  # y = 0.03 - 0.78711 * 0.29031 = -0.199
     assert floor.tilted_text == "tilted in 1 of 2 frames, painted with planes of their own"
 
 
