@@ -67,6 +67,9 @@ class TextureConfig(Section):
         0.05, "a point within this height of z = 0 is floor; half of it if the camera is fitted", "m", gt=0
     )
     max_range: float = setting(4.0, "floor is painted up to so far ahead of the camera", "m", gt=0)
+    blend: Literal["finest", "mean"] = setting(
+        "finest", "finest: exposures are evened out and close views overrule far ones; mean: of all pixels as they are"
+    )
 
 
 class Config(Section):

@@ -110,6 +110,8 @@ def _run(result: Result, seconds: float, log_seconds: float) -> Iterator[tuple[s
         yield "kept", _kept(result.kept)
     if result.camera is not None:
         yield "camera", result.camera.text
+    if result.texture is not None and result.texture.tilted:
+        yield "floor", result.texture.tilted_text
     if result.uninformative:
         yield "no match", f"{result.uninformative:,} of {n:,} scans had no correlation with the map"
 

@@ -63,7 +63,7 @@ def metrics(result: Result) -> dict[str, Any]:
         "resamplings": result.resamplings,
         "uninformative": result.uninformative,
         "frames": _frames(result),
-        "camera": None if result.camera is None else result.camera.as_dict(),
+        "camera": _camera(result),
         "speed": speed(result),
     }
     plain: dict[str, Any] = finite(values)
@@ -112,6 +112,13 @@ def _frames(result: Result) -> dict[str, int] | None:
         return None
     skipped = {} if result.skipped_frames is None else asdict(result.skipped_frames)
     return {"painted": result.texture.frames, **skipped}
+
+
+def _camera(result: Result) -> dict[str, Any] | None:
+    """The camera, and how many frames were painted with a plane of their own; None without a texture."""
+    if result.camera is None:
+        return None
+    return {**result.camera.as_dict(), "own_plane_frames": result.texture.tilted if result.texture else 0}
 
 
 def versions() -> dict[str, str]:

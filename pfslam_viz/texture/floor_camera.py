@@ -76,6 +76,11 @@ class FloorCamera:
         return min(0.5 * filed + 2.0 * (self.height_spread + 2.0 * self.spread), filed)
 
     @property
+    def seen_enough(self) -> bool:
+        """Whether the floor is seen in as many frames as it takes to tell it, whether they agree or not."""
+        return _enough(self.frames, self.looked_at)
+
+    @property
     def text(self) -> str:
         """The camera in words, such as ``fitted to 32 frames: 20.69° down, ...``."""
         k = self.geometry
@@ -145,7 +150,7 @@ def settle(planes: Sequence[FloorPlane], looked_at: int, filed: CameraGeometry, 
     spread = float(np.median([_angle(p.down, middle) for p in planes])) / 1.1774
     height_spread = 1.4826 * float(np.median(np.abs(values[:, 2] - height)))
     why = ""
-    if len(planes) < max(LEAST_FRAMES, LEAST_SHARE * looked_at):
+    if not _enough(len(planes), looked_at):
         why = f"the floor is seen in {len(planes)} of {looked_at} disparity frames, too few"
     elif spread > MOST_SPREAD or height_spread > MOST_HEIGHT_SPREAD:
         why = (
@@ -168,6 +173,10 @@ def _plane(path: Path, camera: CameraGeometry) -> FloorPlane | None:
         return None
     k = camera.intrinsics
     return fit_floor(image, camera) if image.shape == (k.height, k.width) and image.dtype == np.uint16 else None
+
+
+def _enough(frames: int, looked_at: int) -> bool:
+    return frames >= max(LEAST_FRAMES, LEAST_SHARE * looked_at)
 
 
 def _degrees(angle: float) -> str:

@@ -22,12 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz.robot import CameraGeometry, Intrinsics
-from pfslam_viz.texture.kinect import DISPARITIES, inverse_depth
+from pfslam_viz.texture.kinect import DISPARITIES, INVERSE_STEP, SCALE, inverse_depth
 
 Array = NDArray[np.float64]
 
-STEP = 0.00304  # of dd for one disparity
-SCALE = 1.03  # dd times depth, m
+STEP = -INVERSE_STEP  # of dd for one disparity
 EVERY = 8  # pixels: every eighth of every eighth row is looked at
 FARTHEST = 5.0  # m of depth: the noise of farther floor is larger than its height above the next thing
 TRIALS = 120  # planes through three pixels; with a third of the pixels floor, all would miss once in 400 images
@@ -74,7 +73,7 @@ def fit_floor(disparity: NDArray[Any], camera: CameraGeometry) -> FloorPlane | N
     ``camera``, its height counted from the floor, says where floor is expected: planes that are off it by more than
     10° or 15 cm are other things. The same image gives the same answer.
     """
-    rays, dd = _pixels(disparity, camera)
+    rays, dd = sampled_pixels(disparity, camera)
     looked_at = len(dd)
     down, height = down_of(camera.pitch, camera.roll), camera.position[2]
     with np.errstate(divide="ignore"):
@@ -103,7 +102,7 @@ def fit_floor(disparity: NDArray[Any], camera: CameraGeometry) -> FloorPlane | N
     return FloorPlane(math.asin(z), math.atan2(x, y), SCALE / length, float(on.sum() / looked_at), noise / STEP)
 
 
-def _pixels(disparity: NDArray[Any], camera: CameraGeometry) -> tuple[Array, Array]:
+def sampled_pixels(disparity: NDArray[Any], camera: CameraGeometry) -> tuple[Array, Array]:
     """Rays (n, 3) at 1 m of depth, and dd (n,), of every EVERY-th pixel; dd is 0 without a reading."""
     flat = disparity[EVERY // 2 :: EVERY, EVERY // 2 :: EVERY].reshape(-1)
     known = (flat > 0) & (flat < DISPARITIES - 1)

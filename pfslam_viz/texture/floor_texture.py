@@ -7,7 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from pfslam_viz.robot import CameraGeometry
 from pfslam_viz.settings import TextureConfig
-from pfslam_viz.texture.kernels import collect, merge
+from pfslam_viz.texture.floor_plane import FloorPlane
+from pfslam_viz.texture.kernels import blend, collect, match, merge
 from pfslam_viz.texture.kinect import FloorView
 
 MARGIN_CELLS = 64  # grown beyond what is asked for, so that growing stays rare
@@ -19,32 +20,36 @@ class FloorTexture:
     Cells and frame are the occupancy grid's: row 0 is the top (largest y), column 0 the left, and ``origin`` holds the
     row and column of the cell at the world's origin.
 
-    A cell's colour is the mean of every pixel that ever fell into it. As a square metre of floor covers pixels in
-    proportion to cos(view angle) / distance², that is a mean weighted by distance and view angle: what was seen closely
-    overrules what was seen from afar. Tried on a simulated office with true poses, frames 10 % apart in exposure, and
-    a drifting trajectory: the newest frame (12.6 mean error of 255 with unsteady exposure) and the best view (12.4)
-    leave patches with hard edges; the plain mean of frames (6.2) has none, but distant pixels smear tile edges and
-    wall feet into cells that were seen well later (3.0 with steady exposure, against 2.6 here); this (8.1) shows no
-    edges and keeps the tiles sharp.
+    With ``config.blend`` "mean" a cell's colour is the mean of every pixel that ever fell into it. As a square metre of
+    floor covers pixels in proportion to cos(view angle) / distance², that is a mean weighted by distance and view
+    angle, but it follows the exposure, and many views from afar outvote a close one.
+
+    With "finest" a frame's colours are first brought to those that are painted already (:func:`kernels.match`), and a
+    cell keeps to its finest views (:func:`kernels.blend`). docs/texture.md has what else was tried.
 
     Attributes:
         cell: edge of a cell in m.
+        camera: what looks at the floor, its height counted from there.
         origin: row and column of the cell at the world's origin, (24) and (25).
         color: (rows, columns, 3) uint8 RGB; black where nothing was seen.
-        weight: (rows, columns) float32, how many pixels a cell got; 0 where it was not seen.
-        frames: how many frames were added.
+        weight: (rows, columns) float32, how many pixels of the finest view's worth a cell got; 0 where it was not seen.
+        frames: how many frames were added,
+        tilted: and how many of them with a plane of their own.
     """
 
     def __init__(self, camera: CameraGeometry, config: TextureConfig, cell: float) -> None:
         """``camera`` with its height counted from the floor; ``cell`` m."""
         self.cell = cell
+        self.camera = camera
         self.view = FloorView.of(camera, config.floor_tolerance, config.max_range)
         n = 2 * MARGIN_CELLS
         self.origin = (MARGIN_CELLS, MARGIN_CELLS)
         self.color: NDArray[np.uint8] = np.zeros((n, n, 3), np.uint8)
         self.weight: NDArray[np.float32] = np.zeros((n, n), np.float32)
         self.frames = 0
+        self.tilted = 0
         self._sum: NDArray[np.float32] = np.zeros((n, n, 3), np.float32)
+        self._finest = np.zeros((n, n), np.float32) if config.blend == "finest" else None
         side = 2 * math.ceil(self.view.reach / cell) + 3
         self._patch: NDArray[np.float32] = np.zeros((side, side, 4), np.float32)
 
@@ -57,6 +62,11 @@ class FloorTexture:
     def lower_left(self) -> tuple[float, float]:
         """World position (m) of the lower left corner."""
         return -self.origin[1] * self.cell, (self.origin[0] - self.shape[0]) * self.cell
+
+    @property
+    def tilted_text(self) -> str:
+        """Such as ``tilted in 12 of 183 frames, painted with planes of their own``."""
+        return f"tilted in {self.tilted:,} of {self.frames:,} frames, painted with planes of their own"
 
     def add(self, disparity: NDArray[np.uint16], color: NDArray[np.uint8], pose: ArrayLike) -> int:
         """Paint what one frame shows of the floor; the number of cells it touched.
@@ -71,17 +81,26 @@ class FloorTexture:
         """
         return self.add_cropped(*self.view.crop(disparity, color), pose)
 
-    def add_cropped(self, disparity: NDArray[np.uint16], color: NDArray[np.uint8], pose: ArrayLike) -> int:
-        """The same for images as ``view.crop`` leaves them."""
+    def add_cropped(
+        self,
+        disparity: NDArray[np.uint16],
+        color: NDArray[np.uint8],
+        pose: ArrayLike,
+        plane: FloorPlane | None = None,
+    ) -> int:
+        """The same for images as ``view.crop`` leaves them, and with the frame's own ``plane`` for the floor."""
         x, y, heading = (float(v) for v in np.asarray(pose, dtype=np.float64))
         v = self.view
+        if plane is not None:
+            v = v.over(self.camera, plane.pitch, plane.roll, plane.height)
+            self.tilted += 1
         # The patch is a square of cells about the robot; its cell [0, 0] is this far from the world origin's cell.
         half = self._patch.shape[0] // 2
         top, left = math.floor(-y / self.cell) - half, math.floor(x / self.cell) - half
         first_row, last_row, first_column, last_column = collect(
             self._patch, top, left, self.cell, disparity, color, x, y, math.cos(heading), math.sin(heading),
             v.by_row, v.by_column, v.position, v.tolerance, v.max_range,
-            v.depths, v.color_columns, v.color_rows, v.color_shift,
+            v.color_columns, v.color_rows, v.color_shift,
         )  # fmt: skip
         self.frames += 1
         if last_row < first_row:
@@ -90,7 +109,13 @@ class FloorTexture:
         seen = self._patch[first_row : last_row + 1, first_column : last_column + 1]
         row, column = top + first_row + self.origin[0], left + first_column + self.origin[1]
         here = slice(row, row + seen.shape[0]), slice(column, column + seen.shape[1])
-        return merge(seen, self._sum[here], self.weight[here], self.color[here])
+        if self._finest is None:
+            touched: int = merge(seen, self._sum[here], self.weight[here], self.color[here])
+        else:
+            gain = match(seen, self._sum[here], self.weight[here])
+            touched = blend(seen, gain, self._sum[here], self.weight[here], self._finest[here], self.color[here])
+        seen[:] = 0.0  # for the next frame, which is less than to clear the whole patch
+        return touched
 
     def _cover(self, first_row: int, last_row: int, first_column: int, last_column: int) -> None:
         """Grow until the given cells, counted from the origin's, lie inside."""
@@ -103,4 +128,6 @@ class FloorTexture:
             self.color = np.pad(self.color, (*edges, (0, 0)))
             self.weight = np.pad(self.weight, edges)
             self._sum = np.pad(self._sum, (*edges, (0, 0)))
+            if self._finest is not None:
+                self._finest = np.pad(self._finest, edges)
             self.origin = self.origin[0] + pads[0], self.origin[1] + pads[2]

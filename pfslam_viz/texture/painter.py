@@ -12,10 +12,13 @@ from pfslam_viz.recordings.images import UnusableImage, read_image
 from pfslam_viz.recordings.recording import Frames
 from pfslam_viz.settings import TextureConfig
 from pfslam_viz.texture.floor_camera import FloorCamera, find_camera
+from pfslam_viz.texture.floor_plane import FloorPlane
 from pfslam_viz.texture.floor_texture import FloorTexture
+from pfslam_viz.texture.frame_plane import own_plane
 from pfslam_viz.texture.kinect import FloorView
 
 Images = tuple[NDArray[np.uint16], NDArray[np.uint8]]  # cropped
+View = tuple[NDArray[np.uint16], NDArray[np.uint8], FloorPlane | None]  # and the frame's own floor, if it has one
 
 FARTHEST_APART = 0.2  # s between the two frames of a pair; a robot that turns has looked elsewhere by then
 AHEAD = 4  # pairs that are read in advance
@@ -54,7 +57,8 @@ class TexturePainter:
 
     Each colour frame goes with the disparity frame nearest in time, and with the pose at the disparity's stamp, linear
     between the scans before and after. Frames that cannot be used are counted in :attr:`skipped`. The camera is
-    :attr:`camera`, found in the frames or as filed, as the configuration wants it.
+    :attr:`camera`, found in the frames or as filed, as the configuration wants it. Where it is to be found, a frame
+    whose floor is elsewhere is painted with its own plane: see :func:`~pfslam_viz.texture.frame_plane.own_plane`.
     """
 
     def __init__(
@@ -76,6 +80,7 @@ class TexturePainter:
         tolerance = self.camera.tolerance(config.floor_tolerance)
         narrowed = config.model_copy(update={"floor_tolerance": tolerance})
         self.texture = FloorTexture(self.camera.geometry, narrowed, cell)
+        self._own_planes = config.camera == "fitted" and self.camera.seen_enough
         self.skipped = SkippedFrames()
         self.painted = 0
         self.pairs = pair(frames.color_stamps, frames.disparity_stamps)
@@ -83,8 +88,8 @@ class TexturePainter:
         self._stamps = frames.disparity_stamps[self.pairs[:, 1]] if len(self.pairs) else np.zeros(0)
         self._next = 0
         self._last: tuple[float, NDArray[np.float64]] | None = None
-        self._read: dict[int, Future[Images]] = {}
-        self._kept: dict[int, Images] = {}
+        self._read: dict[int, Future[View]] = {}
+        self._kept: dict[int, View] = {}
         self._room = KEPT_BYTES if keep else 0
         self._reader: ThreadPoolExecutor | None = None
 
@@ -132,30 +137,35 @@ class TexturePainter:
 
     def _paint(self, index: int, pose: NDArray[np.float64]) -> bool:
         try:
-            disparity, color = self._images(index)
+            disparity, color, plane = self._view_of(index)
         except UnusableImage as unusable:
             setattr(self.skipped, unusable.reason, getattr(self.skipped, unusable.reason) + 1)
             return False
-        self.texture.add_cropped(disparity, color, pose)
+        self.texture.add_cropped(disparity, color, pose, plane)
         self.painted += 1
         return True
 
-    def _images(self, index: int) -> Images:
-        """The images of a pair. The next pairs are read meanwhile: decoding costs more than painting."""
+    def _view_of(self, index: int) -> View:
+        """What a pair shows. The next pairs are read meanwhile: decoding costs more than painting."""
         if self._reader is None:
             self._reader = ThreadPoolExecutor(READERS, thread_name_prefix="frames")
         for k in range(index, min(index + 1 + AHEAD, len(self.pairs))):
             if k not in self._read and k not in self._kept:
-                color, disparity = self.pairs[k]
-                paths = self.frames.color_paths[color], self.frames.disparity_paths[disparity]
-                self._read[k] = self._reader.submit(read_images, *paths, self.texture.view)
+                self._read[k] = self._reader.submit(self._look_at, k)
         if index in self._kept:
             return self._kept.pop(index)
-        images = self._read.pop(index).result()
-        self._room -= sum(image.nbytes for image in images)
+        view = self._read.pop(index).result()
+        self._room -= view[0].nbytes + view[1].nbytes
         if self._room >= 0:
-            self._kept[index] = images
-        return images
+            self._kept[index] = view
+        return view
+
+    def _look_at(self, index: int) -> View:
+        color, disparity = self.pairs[index]
+        view = self.texture.view
+        images = read_images(self.frames.color_paths[color], self.frames.disparity_paths[disparity], view)
+        own = own_plane(images[0], view, self.camera.geometry) if self._own_planes else None
+        return *images, own
 
 
 def pair(color_stamps: ArrayLike, disparity_stamps: ArrayLike) -> NDArray[np.intp]:

@@ -132,7 +132,10 @@ def about_page(
         lines += ["## Camera", ""]
         cameras = [(c.name, find_camera(frames, c.texture.camera)) for c in configs if c.texture.enabled]
         lines += [f"- `{name}`: {camera.text}" for name, camera in cameras]
-        lines += [*dict.fromkeys(f"- {camera.note}" for _, camera in cameras if camera.note), ""]
+        lines += dict.fromkeys(f"- {camera.note}" for _, camera in cameras if camera.note)
+        textures = [(name, result.texture) for name, result in (results or {}).items()]
+        lines += [f"- `{name}`: floor {t.tilted_text}" for name, t in textures if t is not None and t.tilted]
+        lines += [""]
     for config in configs:
         settings = _flat(config.model_dump(exclude={"name"}))
         lines += [f"## Configuration `{config.name}`", "", "| key | value |", "| --- | --- |"]

@@ -104,7 +104,8 @@ def test_everybody_is_told(tilted: tuple[Recording, World]) -> None:
         config = pf.load_config(name, ["particles=2"])
         result = pf.run(recording, config)
         values = json.loads(json.dumps(metrics(result)))
-        assert set(values["camera"]) == {"source", "pitch_deg", "roll_deg", "height_m", "frames", "spread_deg"}
+        keys = {"source", "pitch_deg", "roll_deg", "height_m", "frames", "spread_deg", "own_plane_frames"}
+        assert set(values["camera"]) == keys and values["camera"]["own_plane_frames"] == 0
         assert values["camera"]["source"] == source
         assert values["camera"]["pitch_deg"] == pytest.approx(pitch, abs=0.2)
         assert values["camera"]["frames"] > 10 and values["camera"]["spread_deg"] < 0.3

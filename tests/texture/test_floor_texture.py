@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -6,6 +7,7 @@ import pytest
 from pfslam_viz.config import load_robot
 from pfslam_viz.robot import CameraGeometry
 from pfslam_viz.settings import TextureConfig
+from pfslam_viz.texture.floor_plane import FloorPlane
 from pfslam_viz.texture.floor_texture import FloorTexture
 from pfslam_viz.texture.kinect import depth_from_disparity
 
@@ -18,7 +20,7 @@ def camera() -> CameraGeometry:
     return found
 
 
-def texture(cell: float = 0.07, **options: float) -> FloorTexture:
+def texture(cell: float = 0.07, **options: object) -> FloorTexture:
     return FloorTexture(camera(), TextureConfig(**options), cell)  # type: ignore[arg-type]
 
 
@@ -99,14 +101,108 @@ def test_matches_the_plain_twin(pose: tuple[float, float, float]) -> None:
     assert wrong <= 0.02 * len(expected)  # single precision: a point on a cell's edge may fall to either side
 
 
-def test_colour_is_the_mean_of_all_pixels() -> None:
-    floor, disparity = texture(), floor_disparity()
+def test_as_a_mean_colour_is_that_of_all_pixels() -> None:
+    floor, disparity = texture(blend="mean"), floor_disparity()
     for value, count in ((30, 3), (90, 1)):
         for _ in range(count):
             floor.add(disparity, np.full((480, 640, 3), value, np.uint8), (0.0, 0.0, 0.0))
     seen = floor.weight > 0
     assert seen.sum() > 1000 and (floor.color[seen] == 45).all() and (floor.color[~seen] == 0).all()
     assert floor.frames == 4
+
+
+def tiles(pose: tuple[float, float, float], exposure: float, other: float = 1.0) -> np.ndarray:
+    """The colours (480, 640, 3) that the camera sees of a floor of grey tiles 0.35 m wide, from its own equations.
+
+    A spot 1.4 to 2.1 m ahead of the world's origin and 0.6 m wide is seen ``other`` times as bright.
+    """
+    rays = np.array(camera().robot_from_optical()[:3, :3])
+    v, u = np.mgrid[:480, :640]
+    # The depth pixel whose colour pixel (u, v) is: its row first, which alone gives the floor's depth.
+    row = (585.051 * v - 16662) / 526.37
+    down = math.sin(math.pi / 10) + math.cos(math.pi / 10) * (row - 242.94140713) / 585.05108211
+    depth = np.where(down > 0.05, 0.50701 / np.maximum(down, 0.05), 20.0)
+    column = (585.051 * u - 19276 + 4.5 * 1750.46 * 1.03 / depth) / 526.37
+    optical = np.stack([(column - 315.83800193) / 585.05108211, (row - 242.94140713) / 585.05108211, np.ones_like(row)])
+    x, y, _ = np.einsum("ij,jvu->ivu", rays, optical) * depth + np.array([0.33276, 0.0, 0.0])[:, None, None]
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    x, y = pose[0] + c * x - s * y, pose[1] + s * x + c * y
+    grey = np.where((np.floor(x / 0.35) + np.floor(y / 0.35)) % 2 == 0, 70.0, 130.0)
+    grey = np.where((x > 1.4) & (x < 2.1) & (np.abs(y) < 0.3), other * grey, grey)
+    image: np.ndarray = np.repeat(np.clip(np.rint(exposure * grey), 0, 255).astype(np.uint8)[..., None], 3, axis=-1)
+    return image
+
+
+def test_frames_are_brought_to_one_exposure() -> None:
+    """A drive of 4 m over tiles of 70 and 130, each frame of another exposure, from 0.7 to 1.4 of the first one's."""
+    poses = [(0.2 * k, 0.0, 0.05 * k) for k in range(20)]
+    exposures = np.concatenate([[1.0], np.random.default_rng(4).uniform(0.7, 1.4, 19)])
+    off = {}
+    for blend in ("finest", "mean"):
+        floor = texture(blend=blend)
+        for pose, exposure in zip(poses, exposures, strict=True):
+            floor.add(floor_disparity(), tiles(pose, exposure), pose)
+        grey = floor.color[..., 0][floor.weight > 8].astype(float)
+        # Cells in a tile's middle have its colour; those over an edge have any between.
+        off[blend] = float(np.percentile(np.minimum(abs(grey - 70) / 70, abs(grey - 130) / 130), 70))
+    assert off["finest"] < 0.04 and off["mean"] > 0.08
+
+
+@pytest.mark.parametrize("far_first", [False, True])
+def test_a_close_view_is_not_overruled_by_far_ones(far_first: bool) -> None:
+    """From 2 m back, sixty times, a spot on the floor looks twice as bright as from near.
+
+    Between the two the texture grows in every direction.
+    """
+    near, back = (0.6, 0.0, 0.0), (-1.4, 0.0, 0.0)
+    off = {}
+    for blend in ("finest", "mean"):
+        floor = texture(blend=blend)
+        for step in ("far", "grow", "near") if far_first else ("near", "grow", "far"):
+            for _ in range(60 if step == "far" else 1):
+                if step == "near":
+                    floor.add(floor_disparity(), tiles(near, 1.0), near)
+                elif step == "far":
+                    floor.add(floor_disparity(), tiles(back, 1.0, other=1.9), back)
+                else:
+                    for pose in ((9.0, 9.0, 1.0), (-9.0, -9.0, 4.0)):
+                        floor.add(floor_disparity(), tiles(pose, 1.0), pose)
+        # The row of cells straight ahead, 1.5 to 2 m from the origin: 0.6 to 1.1 m ahead of the near camera, 2.6 to
+        # 3.1 m ahead of the far one.
+        at = floor.origin[0] - 1, slice(floor.origin[1] + 22, floor.origin[1] + 29)
+        grey = floor.color[at][:, 0].astype(float)
+        off[blend] = float(np.max(np.where(grey > 131, grey - 130, 0.0)))
+    assert off["finest"] < 3.0 and off["mean"] > 15.0
+
+
+def test_a_frame_may_have_a_plane_of_its_own() -> None:
+    """Pixel (400, 316) as above, but for this frame the camera looks 21° down from 0.52 m."""
+    disparity = np.full((480, 640), NOTHING, np.uint16)
+    # down = sin 21° + cos 21° * 0.26845 = 0.35837 + 0.25062 = 0.60899; depth = 0.52 / 0.60899 = 0.85388;
+    # d = (3.31 - 1.03 / 0.85388) / 0.00304 = 692.0.
+    disparity[400, 316] = 692
+    color = np.full((480, 640, 3), 50, np.uint8)
+    floor = texture(floor_tolerance=0.01)
+    cropped = floor.view.crop(disparity, color)
+    # As the common plane has it, the point is 0.507 - 0.85388 * 0.56433 = 2.5 cm above the floor.
+    assert floor.add_cropped(*cropped, (0.0, 0.0, 0.0)) == 0 and floor.tilted == 0
+    plane = FloorPlane(math.radians(21), 0.0, 0.52, 0.5, 1.0)
+    assert floor.add_cropped(*cropped, (0.02, 0.03, 0.0), plane) == 1
+    # x = 0.02 + 0.33276 + 0.85388 * (cos 21° - sin 21° * 0.26845) = 1.0678: column 15; y = 0.03 - 0.0002: row -1.
+    (cell,) = np.argwhere(floor.weight)
+    assert tuple(cell - floor.origin) == (-1, 15)
+    assert (floor.frames, floor.tilted) == (2, 1)
+
+    # Pixel (400, 516), a = 0.34212, b = 0.26845, of a camera that also leans by 10°. To the left: -a cos 10° +
+    # b sin 10° = -0.29031; up: -a sin 10° - b cos 10° = -0.32378, and tilted -sin 21° - cos 21° * 0.32378 = -0.66064;
+    # depth = 0.52 / 0.66064 = 0.78711, d = 658.4; x = 0.35276 + 0.78711 * (cos 21° - sin 21° * 0.32378) = 0.996.
+    disparity = np.full((480, 640), NOTHING, np.uint16)
+    disparity[400, 516] = 658
+    leaning, pose = texture(floor_tolerance=0.01), (0.02, 0.03, 0.0)
+    assert leaning.add_cropped(*leaning.view.crop(disparity, color), pose, replace(plane, roll=math.radians(10))) == 1
+    (cell,) = np.argwhere(leaning.weight)
+    assert tuple(cell - leaning.origin) == (2, 14)  # y = 0.03 - 0.78711 * 0.29031 = -0.199
+    assert floor.tilted_text == "tilted in 1 of 2 frames, painted with planes of their own"
 
 
 def test_only_the_floor_is_painted() -> None:

@@ -25,8 +25,6 @@ def test_a_view_has_the_ray_of_every_pixel() -> None:
         optical = [(u - 315.83800193) / 585.05108211, (v - 242.94140713) / 585.05108211, 1.0]
         np.testing.assert_allclose(view.by_row[v - 125] + view.by_column[:, u], pose[:3, :3] @ optical, atol=1e-6)
     np.testing.assert_array_equal(view.position, pose[:3, 3])
-    assert view.depths[750] == pytest.approx(1.0)
-    assert (view.depths[1089:] == 0).all() and (view.depths[:1089] > 0).all()
 
 
 def test_first_row_and_reach_by_hand() -> None:

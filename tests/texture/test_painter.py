@@ -55,7 +55,7 @@ def test_the_pose_is_interpolated_at_the_disparity_stamp(tmp_path: Path, monkeyp
     painter = TexturePainter(frames_of(tmp_path, [0.99, 1.24, 1.49]), TextureConfig(), CELL)
     seen: list[tuple[list[float], list[int]]] = []
 
-    def add(self: FloorTexture, disparity: np.ndarray, color: np.ndarray, pose: np.ndarray) -> int:
+    def add(self: FloorTexture, disparity: np.ndarray, color: np.ndarray, pose: np.ndarray, plane: None) -> int:
         seen.append((pose.tolist(), color[0, 0].tolist()))
         return 0
 
