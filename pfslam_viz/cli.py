@@ -340,6 +340,51 @@ def compare(
 
 
 @app.command(
+    rich_help_panel=RUN,
+    epilog=examples(
+        "video demo.rrd demo.mp4",
+        "video demo.rrd turn.gif --from 900 --to 1400 --width 800",
+        "video demo.rrd end.png --view 3-D",
+        "video compared.rrd fast.webm --speed 20 --size 1920x1080",
+    ),
+)
+def video(
+    recording: Annotated[Path, typer.Argument(metavar="RECORDING.rrd", help="What replay or compare saved.")],
+    out: Annotated[Path, typer.Argument(metavar="OUT", help=".mp4, .webm, .gif or .webp; .png for a picture.")],
+    view: Annotated[
+        str, typer.Option("--view", metavar="NAME", help="The tab to show.", show_default=True)
+    ] = "Compare",
+    first: Annotated[int | None, typer.Option("--from", min=0, metavar="SCAN", help="First scan of the film.")] = None,
+    last: Annotated[int | None, typer.Option("--to", min=0, metavar="SCAN", help="Last scan of the film.")] = None,
+    speed: Annotated[
+        float | None,
+        typer.Option(
+            "--speed",
+            min=0.01,
+            max=1e4,
+            metavar="X",
+            help="So many times as fast as the robot.  [dim]at most 15 s in all[/dim]",
+        ),
+    ] = None,
+    step: Annotated[
+        int | None, typer.Option("--step", min=0, metavar="SCAN", help="Of a picture: which scan.  [dim]the last[/dim]")
+    ] = None,
+    size: Annotated[
+        str, typer.Option("--size", metavar="WxH", help="Of the view, in pixels.", show_default=True)
+    ] = "1280x720",
+    width: Annotated[
+        int | None,
+        typer.Option("--width", min=64, max=3840, metavar="PIXELS", help="Scale the pictures to this width."),
+    ] = None,
+    quiet: QuietOpt = False,
+) -> None:
+    """Make a film or a picture of a recording, as the viewer shows it; no screen is needed."""
+    from pfslam_viz.commands import video as command
+
+    command.run(recording, out, view, size, width, command.FilmChoice(first, last, speed, step), quiet)
+
+
+@app.command(
     rich_help_panel=JUDGE, epilog=examples("figures 21 figures/", "figures demo figures/ --every 250 --config paper")
 )
 def figures(

@@ -39,6 +39,7 @@ OPTIONS = {
     "evaluate": f"{SCANS} --config --set --particles --seeds --json --quiet",
     "compare": f"{SINKS} {SCANS} --config --set --particles --seed --map-every --max-particles --max-beams --quiet",
     "figures": f"{SCANS} --every --config --set --particles --seed --quiet",
+    "video": "--view --from --to --speed --step --size --width --quiet",
 }
 HEAVY = ("rerun", "cv2", "numba", "scipy", "numpy", "pydantic", "pooch")
 
@@ -179,6 +180,7 @@ def test_no_command_shows_the_help_and_is_wrong_use(run: Run) -> None:
         ("replay x --save x.rrd --set map.cell=-1", r"map\.cell"),
         ("replay x --save x.rrd --spawn --connect rerun+http://127.0.0.1:1/proxy", "exclude each other"),
         ("replay x --save x.rrd --stdout", "--stdout goes alone"),
+        ("replay x --save x.mp4", r"pass --save x\.rrd, and then pfslam-viz video x\.rrd x\.mp4"),
         ("info nowhere", "nowhere"),
         ("compare x --config paper --save x.rrd", "two configurations"),
         ("simulate . --duration 0.1", "duration"),

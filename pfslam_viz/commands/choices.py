@@ -187,9 +187,10 @@ FILMS = (".mp4", ".webm", ".gif", ".webp", ".mov", ".avi", ".mkv", ".png", ".jpg
 def _refuse_film(path: Path) -> None:
     """Raise InputError for a file whose name promises a film or a picture: what is written is a Rerun recording."""
     if path.suffix.lower() in FILMS:
+        recording = path.with_suffix(".rrd")
         raise InputError(
-            f"--save {path}: a Rerun recording is written, no film or picture: pass --save {path.with_suffix('.rrd')}"
-            " and open it in the viewer"
+            f"--save {path}: a Rerun recording is written, no film or picture: pass --save {recording}, and then"
+            f" pfslam-viz video {recording} {path}"
         )
 
 
