@@ -134,7 +134,7 @@ class _Animation:
         durations = [self._milliseconds] * len(others) + [round(1000 * HOLD_SECONDS)]
         options: dict[str, Any] = {"save_all": True, "append_images": others, "duration": durations, "loop": 0}
         if self._path.suffix.lower() == ".webp":
-            options |= {"quality": WEBP_QUALITY, "kmin": 9, "kmax": 17}
+            options |= {"quality": WEBP_QUALITY, "method": 4, "kmin": 9, "kmax": 17}
         first.save(self._path, **options)
 
     def _pictures(self) -> Iterator[Any]:
