@@ -5,6 +5,7 @@ Nothing heavy is imported here, so that ``--help`` answers at once: a command im
 
 import gc
 import os
+import signal
 import sys
 import traceback
 from collections.abc import Sequence
@@ -47,6 +48,7 @@ from pfslam_viz.commands.options import (
     StdoutOpt,
     StopOpt,
     StrideOpt,
+    WebOpt,
 )
 from pfslam_viz.errors import PfslamError
 
@@ -98,6 +100,7 @@ def replay(
     save: SaveOpt = None,
     spawn: SpawnOpt = False,
     serve: ServeOpt = False,
+    web: WebOpt = False,
     bind: BindOpt = "127.0.0.1",
     connect: ConnectOpt = None,
     stdout: StdoutOpt = False,
@@ -135,7 +138,7 @@ def replay(
     command.run(
         RecordingChoice(recording, data, robot, start, stop, stride, scan_topic, odom_topic, base_frame, force),
         ConfigChoice(config, tuple(settings or ()), particles, seed),
-        SinkChoice(save, spawn, serve, bind, connect, stdout),
+        SinkChoice(save, spawn, serve, bind, connect, stdout, web),
         DetailChoice(map_every, max_particles, max_beams),
         export,
         quiet,
@@ -309,6 +312,7 @@ def compare(
     save: SaveOpt = None,
     spawn: SpawnOpt = False,
     serve: ServeOpt = False,
+    web: WebOpt = False,
     bind: BindOpt = "127.0.0.1",
     connect: ConnectOpt = None,
     stdout: StdoutOpt = False,
@@ -333,7 +337,7 @@ def compare(
     command.run(
         RecordingChoice(recording, data, robot, start, stop, stride, scan_topic, odom_topic, base_frame, force),
         [ConfigChoice.parse(text, tuple(settings or ()), particles, seed) for text in config or ()],
-        SinkChoice(save, spawn, serve, bind, connect, stdout),
+        SinkChoice(save, spawn, serve, bind, connect, stdout, web),
         DetailChoice(map_every, max_particles, max_beams),
         quiet,
     )
@@ -488,6 +492,7 @@ def main() -> None:
     # Threads of NumPy's and OpenCV's own cost more than they help with arrays of this size: they spin while they wait.
     for threads in ("OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"):
         os.environ.setdefault(threads, "1")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a request to terminate is Ctrl-C: all is put in order
     status = call(sys.argv[1:])
     gc.freeze()  # nor as the interpreter ends, which would take half a second
     sys.exit(status)

@@ -27,7 +27,7 @@ from pfslam_viz.slam.paper.settings import PaperConfig
 from pfslam_viz.slam.worker import cores
 
 ROOT = Path(__file__).resolve().parents[1]
-SINKS = "--save --spawn --serve --bind --connect --stdout"
+SINKS = "--save --spawn --serve --web --bind --connect --stdout"
 SCANS = "--data --robot --start --stop --stride --force"
 OPTIONS = {
     "replay": f"{SINKS} {SCANS} --export --config --set --particles --seed --map-every --max-particles --max-beams"

@@ -132,6 +132,7 @@ class SinkChoice:
     bind: str = "127.0.0.1"
     connect: str | None = None
     stdout: bool = False
+    web: bool = False
 
     @property
     def any(self) -> bool:
@@ -146,6 +147,7 @@ class SinkChoice:
 
     def open(self) -> AbstractContextManager[Any]:
         """The viewer's sink to all of these; what happens to them is told on stderr."""
+        from pfslam_viz.commands.interrupt import wait_for_interrupt
         from pfslam_viz.console import tell
         from pfslam_viz.viewer.sinks import open_sinks
 
@@ -154,9 +156,11 @@ class SinkChoice:
             spawn=self.spawn,
             serve=self.serve,
             bind=self.bind,
+            web=self.web,
             connect=self.connect,
             stdout=self.stdout,
             on_message=tell,
+            hold=wait_for_interrupt,
         )
 
     def check(self) -> None:
@@ -164,6 +168,8 @@ class SinkChoice:
         live = [name for name in ("spawn", "serve", "connect") if getattr(self, name)]
         if len(live) > 1:
             raise InputError(f"--{live[0]} and --{live[1]} exclude each other: pass one of them")
+        if self.web:
+            self._check_web()
         if self.stdout and (live or self.save):
             raise InputError(f"--stdout goes alone, without --{live[0] if live else 'save'}")
         if self.stdout and sys.stdout.isatty():
@@ -171,6 +177,14 @@ class SinkChoice:
         if self.save is not None:
             _refuse_film(self.save)
             check_writable(self.save)
+
+    def _check_web(self) -> None:
+        from pfslam_viz.viewer.connections import LOOPBACK
+
+        if not self.serve:
+            raise InputError("--web goes with --serve: pass both")
+        if self.bind not in LOOPBACK:
+            raise InputError(f"--web serves this machine alone, and --bind {self.bind} others: leave --bind out")
 
     def check_screen(self) -> None:
         """Raise InputError where only a window could show it and none can be opened."""

@@ -82,6 +82,10 @@ SaveOpt = Annotated[
 ]
 SpawnOpt = Annotated[bool, typer.Option("--spawn", help="Open the viewer and watch live.", rich_help_panel=SINKS)]
 ServeOpt = Annotated[bool, typer.Option("--serve", help="Let viewers connect, on this machine.", rich_help_panel=SINKS)]
+WebOpt = Annotated[
+    bool,
+    typer.Option("--web", help="With --serve: the web viewer too, for a browser here.", rich_help_panel=SINKS),
+]
 BindOpt = Annotated[
     str,
     typer.Option(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from pfslam_viz import console
 from pfslam_viz.commands.choices import ConfigChoice, DetailChoice, RecordingChoice, SinkChoice
-from pfslam_viz.commands.interrupt import Interrupted, stop_on_interrupt, wait_for_interrupt
+from pfslam_viz.commands.interrupt import Interrupted, stop_on_interrupt
 from pfslam_viz.commands.progress import load_kernels, replay_progress
 from pfslam_viz.commands.summary import summary
 from pfslam_viz.config import Config
@@ -48,7 +48,6 @@ def run(
         if stream is not None:
             stream.finish(result)
         seconds = perf_counter() - started
-        keep_serving(sinks, result)
     if export is not None and len(result.stamps):
         with console.status("writing the export", quiet):
             _export(result, export)
@@ -76,13 +75,6 @@ def tell_doubts(recording: Recording) -> None:
     for severity in SEVERITIES[:2]:
         for finding in of(recording.findings, severity):
             console.tell(f"{severity}: {finding.line}")
-
-
-def keep_serving(sinks: SinkChoice, result: Result) -> None:
-    """Where viewers are served, wait for Ctrl-C after a whole run."""
-    if sinks.serve and not result.interrupted:
-        console.tell("the run is complete and still served; Ctrl-C ends it")
-        wait_for_interrupt()
 
 
 def kept_or_raise(result: Result, outputs: Sequence[Path | None]) -> None:
