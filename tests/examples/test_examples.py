@@ -1,6 +1,7 @@
 """The examples run, and show what they say."""
 
 import importlib.util
+import json
 import re
 from pathlib import Path
 from types import ModuleType
@@ -79,3 +80,16 @@ def test_compare_two_configs(capsys: pytest.CaptureFixture[str], monkeypatch: py
     assert [line.split()[0] for line in lines] == ["room,", "paper", "default", "room,", "default", "default"]
     assert lines[4].split()[:5] == lines[5].split()[:5]  # the same run twice
     assert lines[1].split()[1] != lines[2].split()[1]
+
+
+def test_the_notebook_was_executed_and_its_code_is_whole() -> None:
+    """It is not executed here: that takes Jupyter."""
+    cells = json.loads((EXAMPLES / "notebook.ipynb").read_text(encoding="utf-8"))["cells"]
+    code = [cell for cell in cells if cell["cell_type"] == "code"]
+    assert [cell["execution_count"] for cell in code] == list(range(1, len(code) + 1))
+    kinds = {output["output_type"] for cell in code for output in cell["outputs"]}
+    assert kinds == {"stream", "execute_result", "display_data"}  # and no error
+    source = "\n".join(line for cell in code for line in "".join(cell["source"]).splitlines() if line[0:1] != "!")
+    compile(source, "notebook", "exec")
+    commands = [line[1:].split() for cell in code for line in "".join(cell["source"]).splitlines() if line[0:1] == "!"]
+    assert [command[:2] for command in commands] == [["pfslam-viz", "video"]]
