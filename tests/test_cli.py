@@ -138,6 +138,18 @@ def test_numpys_own_threads_are_left_out() -> None:
     assert python(start + count).split()[-1] != "1"  # there are some to be left out
 
 
+def test_a_request_to_terminate_is_an_interruption() -> None:
+    lines = (
+        "import os, signal, sys, typer",
+        "from pfslam_viz import cli",
+        "cli.app.command('wait')(lambda: os.kill(os.getpid(), signal.SIGTERM))",
+        "sys.argv[1:] = ['wait']",
+        "cli.main()",
+    )
+    done = subprocess.run([sys.executable, "-c", "\n".join(lines)], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (130, "pfslam-viz: interrupted\n")
+
+
 def test_help_names_every_command(run: Run) -> None:
     status, out, err = run("--help")
     assert status == 0, err

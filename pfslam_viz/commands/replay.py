@@ -1,6 +1,6 @@
 """``pfslam-viz replay``: run the filter over a recording, and send every step to where the user wants it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from time import perf_counter
@@ -42,8 +42,9 @@ def run(
     recording = read(chosen, quiet)
     load_kernels(quiet)
     with ExitStack() as stack:
-        stream = open_stream(stack, recording, config, sinks, detail)
-        result, log_seconds = _replay(recording, config, stream, quiet)
+        with stop_on_interrupt() as stopped:
+            stream = open_stream(stack, recording, config, sinks, detail)
+            result, log_seconds = _replay(recording, config, stream, stopped, quiet)
         result.require_map()
         if stream is not None:
             stream.finish(result)
@@ -97,14 +98,16 @@ def open_stream(
     return replay_stream(recording, config, stack.enter_context(sinks.open()), detail.options())
 
 
-def _replay(recording: Recording, config: Config, stream: "ReplayStream | None", quiet: bool) -> tuple[Result, float]:
-    """Run the filter until the last scan or Ctrl-C; also the seconds that logging took."""
+def _replay(
+    recording: Recording, config: Config, stream: "ReplayStream | None", stopped: Callable[[], bool], quiet: bool
+) -> tuple[Result, float]:
+    """Run the filter until the last scan or until ``stopped``; also the seconds that logging took."""
     log_seconds = 0.0
     replay = Replay(recording, config)
     if not quiet:
         for note in replay.recording.notes[len(recording.notes) :]:
             console.tell(f"note: {note}")
-    with replay_progress(recording, quiet) as progress, stop_on_interrupt() as stopped:
+    with replay_progress(recording, quiet) as progress:
         for step in replay:
             if stream is not None:
                 before = perf_counter()

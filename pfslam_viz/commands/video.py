@@ -1,5 +1,6 @@
 """``pfslam-viz video``: a film or a picture of a recording, as Rerun's viewer shows it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,38 +37,55 @@ def run(recording: Path, out: Path, view: str, size: str, width: int | None, cho
     still = _is_still(out)
     chosen.require(still)
     scene = Scene(view, _parse_size(size), width)
-    clock = Clock.read(recording)
     check_writable(out)
-    if still:
-        last = int(clock.steps[-1])
-        step = last if chosen.step is None else chosen.step
-        if not clock.steps[0] <= step <= last:
-            raise InputError(f"--step {step}: the recording has scans {clock.steps[0]} to {last}")
-        with console.status("photographing", quiet):
-            reports = film.still(recording, out, scene, step)
-        said = f"scan {step:,}"
-    else:
-        clock = clock.span(chosen.first, chosen.last)
-        speed = chosen.speed or clock.default_speed()
-        steps = clock.pictured(speed, film.rate_of(out))
-        if out.suffix.lower() == ".mp4" and not has_h264():
-            console.tell(
-                "note: without PyAV the .mp4 is MPEG-4 Part 2, large, and not for browsers; pip install"
-                " 'pfslam-viz[film]' for H.264, or write .webm"
-            )
-        with console.progress("film", len(steps), quiet) as advance, stop_on_interrupt() as stopped:
+    with stop_on_interrupt() as stopped:
 
-            def on_picture() -> None:
-                advance()
-                if stopped():
-                    raise Interrupted(f"interrupted: {out} was not written")
+        def stop() -> None:
+            if stopped():
+                raise Interrupted(f"interrupted: {out} was not written")
 
-            reports = film.film(recording, out, scene, steps, on_picture)
-        said = f"{len(steps):,} pictures of scans {steps[0]:,} to {steps[-1]:,}, {speed:.3g} times as fast as the robot"
-    for report in reports:
-        console.tell(f"warning: the viewer complains: {report}")
+        make = _still if still else _film
+        said, complaints = make(recording, out, scene, chosen, stop, quiet)
+    for complaint in complaints:
+        console.tell(f"warning: the viewer complains: {complaint}")
     if not quiet:
         console.results().print(f"{out}: {said}, {out.stat().st_size / 1e6:.1f} MB", markup=False, soft_wrap=True)
+
+
+def _still(
+    recording: Path, out: Path, scene: Scene, chosen: FilmChoice, stop: Callable[[], None], quiet: bool
+) -> tuple[str, list[str]]:
+    """What was done, and what the viewer complains of."""
+    clock = Clock.read(recording)
+    first, last = int(clock.steps[0]), int(clock.steps[-1])
+    step = last if chosen.step is None else chosen.step
+    if not first <= step <= last:
+        raise InputError(f"--step {step}: the recording has scans {first} to {last}")
+    with console.status("photographing", quiet):
+        complaints = film.still(recording, out, scene, step, stop)
+    return f"scan {step:,}", complaints
+
+
+def _film(
+    recording: Path, out: Path, scene: Scene, chosen: FilmChoice, stop: Callable[[], None], quiet: bool
+) -> tuple[str, list[str]]:
+    clock = Clock.read(recording).span(chosen.first, chosen.last)
+    speed = chosen.speed or clock.default_speed()
+    steps = clock.pictured(speed, film.rate_of(out))
+    if out.suffix.lower() == ".mp4" and not has_h264():
+        console.tell(
+            "note: without PyAV the .mp4 is MPEG-4 Part 2, large, and not for browsers; pip install"
+            " 'pfslam-viz[film]' for H.264, or write .webm"
+        )
+    with console.progress("film", len(steps), quiet) as advance:
+
+        def on_picture() -> None:
+            advance()
+            stop()
+
+        complaints = film.film(recording, out, scene, steps, on_picture)
+    said = f"{len(steps):,} pictures of scans {steps[0]:,} to {steps[-1]:,}, {speed:.3g} times as fast as the robot"
+    return said, complaints
 
 
 def _is_still(out: Path) -> bool:

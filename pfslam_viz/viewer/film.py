@@ -54,15 +54,15 @@ class Clock:
         try:
             for chunk in RrdReader(str(path)).stream():
                 if {"step", "time"} <= set(chunk.timeline_names):
-                    batch = chunk.to_record_batch()
-                    seconds = batch.column("time").cast("int64").to_numpy() / 1e9
-                    at.update(zip(batch.column("step").to_pylist(), seconds.tolist(), strict=True))
+                    rows = chunk.to_record_batch()
+                    steps, nanoseconds = (rows.column(name).cast("int64").to_numpy() for name in ("step", "time"))
+                    at.update(zip(steps.tolist(), (nanoseconds / 1e9).tolist(), strict=True))
         except (RuntimeError, ValueError, OSError) as error:
             raise InputError(f"{path}: cannot be read: {error}") from None
         if not at:
             raise InputError(f"{path}: has no scans on a timeline 'step'; was it written by pfslam-viz?")
-        steps = np.array(sorted(at))
-        return cls(steps, np.array([at[int(step)] for step in steps]))
+        order = sorted(at)
+        return cls(np.array(order, np.int64), np.array([at[step] for step in order]))
 
     def span(self, first: int | None, last: int | None) -> "Clock":
         """The scans from ``first`` to ``last``, both included; None is the recording's own. Raises InputError."""
@@ -98,9 +98,12 @@ class Clock:
         return np.asarray(self.steps[newest], np.int64)
 
 
-def still(recording: Path, out: Path, scene: Scene, step: int) -> list[str]:
+def still(
+    recording: Path, out: Path, scene: Scene, step: int, on_picture: Callable[[], None] = lambda: None
+) -> list[str]:
     """Write what the viewer shows of a recording at a scan as PNG; what its views complain of.
 
+    ``on_picture`` is called when the picture was taken, and before it is written.
     Raises InputError for a view that is not there, PfslamError where the viewer cannot run or the file not be written.
     """
     import cv2
@@ -109,6 +112,7 @@ def still(recording: Path, out: Path, scene: Scene, step: int) -> list[str]:
         viewer.seek(step)
         viewer.settle()
         picture = scaled(viewer.picture_at(step), scene.width)
+        on_picture()
         if not cv2.imwrite(str(temporary), picture, [cv2.IMWRITE_PNG_COMPRESSION, 9]):
             raise PfslamError(f"{out}: could not be written (is the disk full?)")
         return viewer.reports()

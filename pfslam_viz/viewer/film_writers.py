@@ -62,30 +62,35 @@ class _OpenCv:
         self._path, self._code, self._rate = path, code, rate
         self._writer: Any = None
         self._last: Picture | None = None
+        self._pictures = 0
 
     def add(self, picture: Picture) -> None:
+        self._last = _even(picture)
+        if self._writer is None:
+            self._open(self._last.shape[1], self._last.shape[0])
+        with _silent_stderr():  # a line a picture where the disk is full
+            self._writer.write(self._last)
+        self._pictures += 1
+
+    def _open(self, width: int, height: int) -> None:
         import cv2
 
-        self._last = picture = _even(picture)
-        if self._writer is None:
-            size = picture.shape[1], picture.shape[0]
-            with _silent_stderr():  # FFmpeg there does not know its own names of WebM's codecs, and says so
-                code = cv2.VideoWriter.fourcc(*self._code)
-                self._writer = cv2.VideoWriter(str(self._path), cv2.CAP_FFMPEG, code, self._rate, size)
-            if not self._writer.isOpened():
-                raise PfslamError(f"OpenCV cannot write {self._path.suffix} here: choose another ending")
-        self._writer.write(picture)
+        code = cv2.VideoWriter.fourcc(*self._code)
+        with _silent_stderr():  # FFmpeg there does not know its own names of WebM's codecs, and says so
+            self._writer = cv2.VideoWriter(str(self._path), cv2.CAP_FFMPEG, code, self._rate, (width, height))
+        if not self._writer.isOpened():
+            raise PfslamError(f"OpenCV cannot write {self._path.suffix} here: choose another ending")
 
     def close(self) -> None:
         import cv2
 
         if self._last is not None:
             for _ in range(round(HOLD_SECONDS * self._rate)):
-                self._writer.write(self._last)
+                self.add(self._last)
         self._writer.release()
         with _silent_stderr():
-            readable = cv2.VideoCapture(str(self._path), cv2.CAP_FFMPEG).isOpened()
-        if not readable:  # OpenCV does not tell
+            written = cv2.VideoCapture(str(self._path), cv2.CAP_FFMPEG).get(cv2.CAP_PROP_FRAME_COUNT)
+        if abs(written - self._pictures) > 1:  # OpenCV does not tell of what it could not write
             raise PfslamError("the film could not be written (is the disk full?)")
 
 
