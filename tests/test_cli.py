@@ -473,8 +473,9 @@ def test_a_mistake_is_blamed_on_the_option_that_made_it() -> None:
 
 
 def readme_commands() -> list[str]:
-    """Every pfslam-viz command line in the README's code blocks."""
-    blocks = re.findall(r"```(?:bash|sh)\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    """Every pfslam-viz command line in the code blocks of the README and of what it says about sharing."""
+    text = "".join((ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "docs/sharing.md"))
+    blocks = re.findall(r"```(?:bash|sh)\n(.*?)```", text, re.DOTALL)
     lines = "\n".join(blocks).replace("\\\n", " ").splitlines()
     parts = [part.strip() for line in lines for part in re.split(r"&&|\|", line.partition(" #")[0])]
     return [part for part in parts if part.startswith("pfslam-viz ")]

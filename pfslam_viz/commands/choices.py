@@ -147,7 +147,6 @@ class SinkChoice:
 
     def open(self) -> AbstractContextManager[Any]:
         """The viewer's sink to all of these; what happens to them is told on stderr."""
-        from pfslam_viz.commands.interrupt import wait_for_interrupt
         from pfslam_viz.console import tell
         from pfslam_viz.viewer.sinks import open_sinks
 
@@ -160,7 +159,6 @@ class SinkChoice:
             connect=self.connect,
             stdout=self.stdout,
             on_message=tell,
-            hold=wait_for_interrupt,
         )
 
     def check(self) -> None:
