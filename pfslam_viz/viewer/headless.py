@@ -115,8 +115,6 @@ def headless_viewer(size: tuple[int, int] = (1600, 900), memory: str = "4GB") ->
 
     Raises PfslamError where there is no Vulkan, or no viewer.
     """
-    from rerun.experimental import ViewerClient
-
     binary = viewer_binary()
     if not binary.is_file():
         raise PfslamError(f"{binary}: the viewer is not there; it comes with rerun-sdk (pip install rerun-sdk)")
@@ -128,22 +126,41 @@ def headless_viewer(size: tuple[int, int] = (1600, 900), memory: str = "4GB") ->
         environment = {**os.environ, "XDG_RUNTIME_DIR": runtime}
         output = Path(runtime) / "output"
         with running(command, output, environment) as process:
-            deadline = time.monotonic() + START_SECONDS
-            while True:
-                if process.poll() is not None:
-                    raise PfslamError(
-                        f"the viewer cannot draw without a window here: {VULKAN}; it said:"
-                        f" {_last_words(output.read_text(errors='replace'))}"
-                    )
-                try:
-                    client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
-                    client.get_state()
-                    break
-                except Exception as error:  # the client's errors have no type of their own
-                    if time.monotonic() > deadline:
-                        raise PfslamError(f"the viewer did not answer within {START_SECONDS:.0f} s") from error
-                    time.sleep(0.1)
-            yield HeadlessViewer(client, process)
+            client = _connect(port, process, output)
+            try:
+                yield HeadlessViewer(client, process)
+            except Exception as error:
+                if isinstance(error, PfslamError) or not _has_ended(process):
+                    raise
+                raise PfslamError(f"the viewer ended in mid-work: {_last_words(process, output)}") from error
+
+
+def _connect(port: int, process: "subprocess.Popen[bytes]", output: Path) -> Any:
+    """A client of the viewer, once that has drawn for the first time: where it cannot draw, it still answers before."""
+    from rerun.experimental import ViewerClient
+
+    deadline = time.monotonic() + START_SECONDS
+    while process.poll() is None:
+        try:
+            client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
+            client.take_screenshot(max_size=64)
+            return client
+        except Exception as error:  # the client's errors have no type of their own
+            if time.monotonic() > deadline:
+                raise PfslamError(f"the viewer did not answer within {START_SECONDS:.0f} s") from error
+            time.sleep(0.1)
+    raise PfslamError(
+        f"the viewer cannot draw without a window here: {VULKAN}; it ended with: {_last_words(process, output)}"
+    )
+
+
+def _has_ended(process: "subprocess.Popen[bytes]") -> bool:
+    """Whether it ended, or does so within a moment: its connection goes before itself."""
+    try:
+        process.wait(2.0)
+    except subprocess.TimeoutExpired:
+        return False
+    return True
 
 
 @contextmanager
@@ -183,7 +200,7 @@ def _name(part: dict[str, Any]) -> str:
     return str(part.get("ContainerBlueprint", part.get("ViewBlueprint", {})).get("display_name"))
 
 
-def _last_words(output: str) -> str:
-    """Why the viewer ended: where it panicked, else its last line."""
-    lines = [line.strip() for line in output.splitlines() if line.strip()]
-    return next((line for line in lines if "panicked" in line), lines[-1] if lines else "nothing")
+def _last_words(process: "subprocess.Popen[bytes]", output: Path) -> str:
+    """Why the viewer ended: where it panicked, else its status."""
+    lines = [line.strip() for line in output.read_text(errors="replace").splitlines()]
+    return next((line for line in lines if "panicked" in line), f"status {process.returncode}")

@@ -148,6 +148,8 @@ def test_a_film_of_the_real_viewer(recorded: "Recorded", tmp_path: Path) -> None
     try:
         reports = film.film(recorded.path, path, Scene("3-d", (640, 480), 320), np.array([0, 59]))
     except PfslamError as error:
+        if "Vulkan" not in str(error):
+            raise
         pytest.skip(str(error))
     assert reports == []
     with Image.open(path) as made:
