@@ -21,12 +21,11 @@ from numpy.typing import NDArray
 
 from benchmarks.case import ROOT
 from pfslam_viz.errors import InputError, PfslamError
-from pfslam_viz.viewer.headless import headless_viewer
+from pfslam_viz.viewer.headless import MENU_BAR, headless_viewer
 
 Picture = NDArray[np.uint8]
 
 SIZES = ((1280, 720), (1600, 900))
-MENU_BAR = 36  # pixels at the top that belong to the viewer
 TILE = 800  # pixels of the sheet that each picture is wide
 COLUMNS, MARGIN, TITLE = 2, 8, 26  # of pictures; pixels around each, and above it for its name
 MOST_BYTES = 500_000

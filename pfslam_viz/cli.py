@@ -5,6 +5,7 @@ Nothing heavy is imported here, so that ``--help`` answers at once: a command im
 
 import gc
 import os
+import signal
 import sys
 import traceback
 from collections.abc import Sequence
@@ -14,14 +15,44 @@ from typing import Annotated, Any
 import typer
 
 from pfslam_viz import __version__
+from pfslam_viz.commands.options import (
+    CAMERA,
+    FILTER,
+    JUDGE,
+    RECORDINGS,
+    RUN,
+    SINKS,
+    BaseFrameOpt,
+    BindOpt,
+    ConfigOpt,
+    ConfigsOpt,
+    ConnectOpt,
+    DataOpt,
+    ForceOpt,
+    JsonOpt,
+    MapEveryOpt,
+    MaxBeamsOpt,
+    MaxParticlesOpt,
+    OdomTopicOpt,
+    ParticlesOpt,
+    QuietOpt,
+    RecordingArg,
+    RobotOpt,
+    SaveOpt,
+    ScanTopicOpt,
+    SeedOpt,
+    ServeOpt,
+    SetOpt,
+    SpawnOpt,
+    StartOpt,
+    StdoutOpt,
+    StopOpt,
+    StrideOpt,
+    WebOpt,
+)
 from pfslam_viz.errors import PfslamError
 
 PROGRAM = "pfslam-viz"
-
-# Panels of --help.
-SINKS, FILTER, SCANS, DETAIL = "Where it goes", "The filter", "The recording", "Size and detail"
-CAMERA = "The camera"
-RUN, JUDGE, RECORDINGS = "Replay", "Judge", "Recordings"
 
 app = typer.Typer(
     name=PROGRAM,
@@ -37,113 +68,6 @@ app = typer.Typer(
 def examples(*lines: str) -> str:
     """An epilog with one example a line."""
     return "\n\n".join(["[bold]Examples[/bold]", *(f"  {PROGRAM} {line}" for line in lines)])
-
-
-RecordingArg = Annotated[
-    str, typer.Argument(metavar="RECORDING", help="A name, such as demo, 21 or intel, or the path of a file or folder.")
-]
-DataOpt = Annotated[
-    Path | None,
-    typer.Option(
-        "--data",
-        metavar="DIR",
-        help="Where recordings are looked up by name.  [dim]$PFSLAM_RECORDINGS, else recordings/[/dim]",
-        rich_help_panel=SCANS,
-    ),
-]
-RobotOpt = Annotated[
-    str | None,
-    typer.Option(
-        "--robot",
-        metavar="NAME|PATH",
-        help="Robot file of an ECE276A set.  [dim]robot.toml beside it, else ece276a[/dim]",
-        rich_help_panel=SCANS,
-    ),
-]
-ScanTopicOpt = Annotated[
-    str | None,
-    typer.Option("--scan-topic", metavar="TOPIC", help="Of a ROS bag: which LaserScans.", rich_help_panel=SCANS),
-]
-OdomTopicOpt = Annotated[
-    str | None,
-    typer.Option("--odom-topic", metavar="TOPIC", help="Of a ROS bag: which odometry, or none.", rich_help_panel=SCANS),
-]
-BaseFrameOpt = Annotated[
-    str | None,
-    typer.Option("--base-frame", metavar="FRAME", help="Of a ROS bag: the robot's frame.", rich_help_panel=SCANS),
-]
-StartOpt = Annotated[int, typer.Option("--start", min=0, help="First scan.", rich_help_panel=SCANS)]
-StopOpt = Annotated[int | None, typer.Option("--stop", min=1, help="Scan to stop before.", rich_help_panel=SCANS)]
-StrideOpt = Annotated[int, typer.Option("--stride", min=1, help="Use every K-th scan.", rich_help_panel=SCANS)]
-ForceOpt = Annotated[
-    bool, typer.Option("--force", help="Replay it even if it was found to be wrong.", rich_help_panel=SCANS)
-]
-ConfigOpt = Annotated[
-    str | None,
-    typer.Option(
-        "--config",
-        metavar="NAME|PATH",
-        help="A shipped configuration or a TOML file.  [dim]default[/dim]",
-        rich_help_panel=FILTER,
-    ),
-]
-ConfigsOpt = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--config",
-        metavar="NAME|PATH[,KEY=VALUE]",
-        help="A configuration, with settings of its own if wished: paper,particles=50. Repeatable.",
-        rich_help_panel=FILTER,
-    ),
-]
-SetOpt = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="SECTION.KEY=VALUE", help="Change one setting. Repeatable.", rich_help_panel=FILTER),
-]
-ParticlesOpt = Annotated[
-    int | None, typer.Option("--particles", min=1, help="Number of particles.", rich_help_panel=FILTER)
-]
-SeedOpt = Annotated[
-    int | None, typer.Option("--seed", min=0, help="Seed of the random numbers.", rich_help_panel=FILTER)
-]
-SaveOpt = Annotated[
-    Path | None, typer.Option("--save", metavar="PATH", help="Write a .rrd file.", rich_help_panel=SINKS)
-]
-SpawnOpt = Annotated[bool, typer.Option("--spawn", help="Open the viewer and watch live.", rich_help_panel=SINKS)]
-ServeOpt = Annotated[bool, typer.Option("--serve", help="Let viewers connect, on this machine.", rich_help_panel=SINKS)]
-BindOpt = Annotated[
-    str,
-    typer.Option(
-        "--bind", metavar="ADDRESS", help="Address that --serve listens on.", rich_help_panel=SINKS, show_default=True
-    ),
-]
-ConnectOpt = Annotated[
-    str | None,
-    typer.Option(
-        "--connect",
-        metavar="URL",
-        help="Send to a viewer that runs already: rerun+http://127.0.0.1:9876/proxy",
-        rich_help_panel=SINKS,
-    ),
-]
-StdoutOpt = Annotated[bool, typer.Option("--stdout", help="Write the .rrd to standard output.", rich_help_panel=SINKS)]
-MapEveryOpt = Annotated[
-    int | None,
-    typer.Option(
-        "--map-every",
-        min=1,
-        help="Log the maps every K scans.  [dim]about 200 maps a recording[/dim]",
-        rich_help_panel=DETAIL,
-    ),
-]
-MaxParticlesOpt = Annotated[
-    int | None, typer.Option("--max-particles", min=1, help="Log at most so many.", rich_help_panel=DETAIL)
-]
-MaxBeamsOpt = Annotated[
-    int | None, typer.Option("--max-beams", min=1, help="Log at most so many end points.", rich_help_panel=DETAIL)
-]
-QuietOpt = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no summary.")]
-JsonOpt = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
 def _show_version(value: bool) -> None:
@@ -176,6 +100,7 @@ def replay(
     save: SaveOpt = None,
     spawn: SpawnOpt = False,
     serve: ServeOpt = False,
+    web: WebOpt = False,
     bind: BindOpt = "127.0.0.1",
     connect: ConnectOpt = None,
     stdout: StdoutOpt = False,
@@ -213,7 +138,7 @@ def replay(
     command.run(
         RecordingChoice(recording, data, robot, start, stop, stride, scan_topic, odom_topic, base_frame, force),
         ConfigChoice(config, tuple(settings or ()), particles, seed),
-        SinkChoice(save, spawn, serve, bind, connect, stdout),
+        SinkChoice(save, spawn, serve, bind, connect, stdout, web),
         DetailChoice(map_every, max_particles, max_beams),
         export,
         quiet,
@@ -387,6 +312,7 @@ def compare(
     save: SaveOpt = None,
     spawn: SpawnOpt = False,
     serve: ServeOpt = False,
+    web: WebOpt = False,
     bind: BindOpt = "127.0.0.1",
     connect: ConnectOpt = None,
     stdout: StdoutOpt = False,
@@ -411,10 +337,55 @@ def compare(
     command.run(
         RecordingChoice(recording, data, robot, start, stop, stride, scan_topic, odom_topic, base_frame, force),
         [ConfigChoice.parse(text, tuple(settings or ()), particles, seed) for text in config or ()],
-        SinkChoice(save, spawn, serve, bind, connect, stdout),
+        SinkChoice(save, spawn, serve, bind, connect, stdout, web),
         DetailChoice(map_every, max_particles, max_beams),
         quiet,
     )
+
+
+@app.command(
+    rich_help_panel=RUN,
+    epilog=examples(
+        "video demo.rrd demo.mp4",
+        "video demo.rrd turn.gif --from 900 --to 1400 --width 800",
+        "video demo.rrd end.png --view 3-D",
+        "video compared.rrd fast.webm --speed 20 --size 1920x1080",
+    ),
+)
+def video(
+    recording: Annotated[Path, typer.Argument(metavar="RECORDING.rrd", help="What replay or compare saved.")],
+    out: Annotated[Path, typer.Argument(metavar="OUT", help=".mp4, .webm, .gif or .webp; .png for a picture.")],
+    view: Annotated[
+        str, typer.Option("--view", metavar="NAME", help="The tab to show.", show_default=True)
+    ] = "Compare",
+    first: Annotated[int | None, typer.Option("--from", min=0, metavar="SCAN", help="First scan of the film.")] = None,
+    last: Annotated[int | None, typer.Option("--to", min=0, metavar="SCAN", help="Last scan of the film.")] = None,
+    speed: Annotated[
+        float | None,
+        typer.Option(
+            "--speed",
+            min=0.01,
+            max=1e4,
+            metavar="X",
+            help="So many times as fast as the robot.  [dim]at most 15 s in all[/dim]",
+        ),
+    ] = None,
+    step: Annotated[
+        int | None, typer.Option("--step", min=0, metavar="SCAN", help="Of a picture: which scan.  [dim]the last[/dim]")
+    ] = None,
+    size: Annotated[
+        str, typer.Option("--size", metavar="WxH", help="Of the view, in pixels.", show_default=True)
+    ] = "1280x720",
+    width: Annotated[
+        int | None,
+        typer.Option("--width", min=64, max=3840, metavar="PIXELS", help="Scale the pictures to this width."),
+    ] = None,
+    quiet: QuietOpt = False,
+) -> None:
+    """Make a film or a picture of a recording, as the viewer shows it; no screen is needed."""
+    from pfslam_viz.commands import video as command
+
+    command.run(recording, out, view, size, width, command.FilmChoice(first, last, speed, step), quiet)
 
 
 @app.command(
@@ -521,6 +492,7 @@ def main() -> None:
     # Threads of NumPy's and OpenCV's own cost more than they help with arrays of this size: they spin while they wait.
     for threads in ("OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"):
         os.environ.setdefault(threads, "1")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a request to terminate is Ctrl-C: all is put in order
     status = call(sys.argv[1:])
     gc.freeze()  # nor as the interpreter ends, which would take half a second
     sys.exit(status)

@@ -4,7 +4,7 @@ It knows no filter: what is in the tables is in ``commands/``.
 """
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from types import TracebackType
@@ -46,6 +46,15 @@ def status(text: str, quiet: bool = False) -> Iterator[None]:
         return
     with messages().status(text):
         yield
+
+
+@contextmanager
+def progress(label: str, total: int, quiet: bool = False) -> Iterator[Callable[[], None]]:
+    """A progress bar on stderr; what is given is called as each of ``total`` things is done."""
+    columns = TextColumn("{task.description}"), BarColumn(bar_width=24), MofNCompleteColumn(), TimeRemainingColumn()
+    with Progress(*columns, console=messages(), refresh_per_second=5, disable=quiet) as shown:
+        task = shown.add_task(label, total=total)
+        yield lambda: shown.advance(task)
 
 
 class _Speed(ProgressColumn):

@@ -27,7 +27,7 @@ from pfslam_viz.slam.paper.settings import PaperConfig
 from pfslam_viz.slam.worker import cores
 
 ROOT = Path(__file__).resolve().parents[1]
-SINKS = "--save --spawn --serve --bind --connect --stdout"
+SINKS = "--save --spawn --serve --web --bind --connect --stdout"
 SCANS = "--data --robot --start --stop --stride --force"
 OPTIONS = {
     "replay": f"{SINKS} {SCANS} --export --config --set --particles --seed --map-every --max-particles --max-beams"
@@ -39,6 +39,7 @@ OPTIONS = {
     "evaluate": f"{SCANS} --config --set --particles --seeds --json --quiet",
     "compare": f"{SINKS} {SCANS} --config --set --particles --seed --map-every --max-particles --max-beams --quiet",
     "figures": f"{SCANS} --every --config --set --particles --seed --quiet",
+    "video": "--view --from --to --speed --step --size --width --quiet",
 }
 HEAVY = ("rerun", "cv2", "numba", "scipy", "numpy", "pydantic", "pooch")
 
@@ -137,6 +138,18 @@ def test_numpys_own_threads_are_left_out() -> None:
     assert python(start + count).split()[-1] != "1"  # there are some to be left out
 
 
+def test_a_request_to_terminate_is_an_interruption() -> None:
+    lines = (
+        "import os, signal, sys, typer",
+        "from pfslam_viz import cli",
+        "cli.app.command('wait')(lambda: os.kill(os.getpid(), signal.SIGTERM))",
+        "sys.argv[1:] = ['wait']",
+        "cli.main()",
+    )
+    done = subprocess.run([sys.executable, "-c", "\n".join(lines)], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (130, "pfslam-viz: interrupted\n")
+
+
 def test_help_names_every_command(run: Run) -> None:
     status, out, err = run("--help")
     assert status == 0, err
@@ -179,6 +192,7 @@ def test_no_command_shows_the_help_and_is_wrong_use(run: Run) -> None:
         ("replay x --save x.rrd --set map.cell=-1", r"map\.cell"),
         ("replay x --save x.rrd --spawn --connect rerun+http://127.0.0.1:1/proxy", "exclude each other"),
         ("replay x --save x.rrd --stdout", "--stdout goes alone"),
+        ("replay x --save x.mp4", r"pass --save x\.rrd, and then pfslam-viz video x\.rrd x\.mp4"),
         ("info nowhere", "nowhere"),
         ("compare x --config paper --save x.rrd", "two configurations"),
         ("simulate . --duration 0.1", "duration"),
@@ -459,8 +473,9 @@ def test_a_mistake_is_blamed_on_the_option_that_made_it() -> None:
 
 
 def readme_commands() -> list[str]:
-    """Every pfslam-viz command line in the README's code blocks."""
-    blocks = re.findall(r"```(?:bash|sh)\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    """Every pfslam-viz command line in the code blocks of the README and of what it says about sharing."""
+    text = "".join((ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "docs/sharing.md"))
+    blocks = re.findall(r"```(?:bash|sh)\n(.*?)```", text, re.DOTALL)
     lines = "\n".join(blocks).replace("\\\n", " ").splitlines()
     parts = [part.strip() for line in lines for part in re.split(r"&&|\|", line.partition(" #")[0])]
     return [part for part in parts if part.startswith("pfslam-viz ")]

@@ -132,6 +132,7 @@ class SinkChoice:
     bind: str = "127.0.0.1"
     connect: str | None = None
     stdout: bool = False
+    web: bool = False
 
     @property
     def any(self) -> bool:
@@ -154,6 +155,7 @@ class SinkChoice:
             spawn=self.spawn,
             serve=self.serve,
             bind=self.bind,
+            web=self.web,
             connect=self.connect,
             stdout=self.stdout,
             on_message=tell,
@@ -164,6 +166,8 @@ class SinkChoice:
         live = [name for name in ("spawn", "serve", "connect") if getattr(self, name)]
         if len(live) > 1:
             raise InputError(f"--{live[0]} and --{live[1]} exclude each other: pass one of them")
+        if self.web:
+            self._check_web()
         if self.stdout and (live or self.save):
             raise InputError(f"--stdout goes alone, without --{live[0] if live else 'save'}")
         if self.stdout and sys.stdout.isatty():
@@ -171,6 +175,14 @@ class SinkChoice:
         if self.save is not None:
             _refuse_film(self.save)
             check_writable(self.save)
+
+    def _check_web(self) -> None:
+        from pfslam_viz.viewer.connections import LOOPBACK
+
+        if not self.serve:
+            raise InputError("--web goes with --serve: pass both")
+        if self.bind not in LOOPBACK:
+            raise InputError(f"--web serves this machine alone, and --bind {self.bind} others: leave --bind out")
 
     def check_screen(self) -> None:
         """Raise InputError where only a window could show it and none can be opened."""
@@ -187,9 +199,10 @@ FILMS = (".mp4", ".webm", ".gif", ".webp", ".mov", ".avi", ".mkv", ".png", ".jpg
 def _refuse_film(path: Path) -> None:
     """Raise InputError for a file whose name promises a film or a picture: what is written is a Rerun recording."""
     if path.suffix.lower() in FILMS:
+        recording = path.with_suffix(".rrd")
         raise InputError(
-            f"--save {path}: a Rerun recording is written, no film or picture: pass --save {path.with_suffix('.rrd')}"
-            " and open it in the viewer"
+            f"--save {path}: a Rerun recording is written, no film or picture: pass --save {recording}, and then"
+            f" pfslam-viz video {recording} {path}"
         )
 
 

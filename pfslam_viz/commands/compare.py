@@ -6,7 +6,7 @@ from pfslam_viz import console
 from pfslam_viz.commands.choices import ConfigChoice, DetailChoice, RecordingChoice, SinkChoice
 from pfslam_viz.commands.interrupt import stop_on_interrupt
 from pfslam_viz.commands.progress import load_kernels, replay_progress
-from pfslam_viz.commands.replay import keep_serving, kept_or_raise, read, tell_doubts
+from pfslam_viz.commands.replay import kept_or_raise, read, tell_doubts
 from pfslam_viz.commands.summary import comparison
 from pfslam_viz.errors import InputError
 from pfslam_viz.viewer.compare import compare
@@ -36,7 +36,6 @@ def run(
                 recording, configs, sink, detail.options(), on_step=lambda *_: bar.advance(), stopped=stopped
             )
         seconds = perf_counter() - started
-        keep_serving(sinks, results[0])
     if not quiet:
         console.results(to_stderr=sinks.stdout).print(comparison(results, seconds, sinks.save))
     tell_doubts(recording)

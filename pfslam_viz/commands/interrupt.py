@@ -2,7 +2,6 @@
 
 import signal
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -39,10 +38,3 @@ def stop_on_interrupt() -> Iterator[Callable[[], bool]]:
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)
-
-
-def wait_for_interrupt() -> None:
-    """Return at Ctrl-C, or at a request to terminate."""
-    with stop_on_interrupt() as stopped:
-        while not stopped():
-            time.sleep(0.2)

@@ -1,6 +1,6 @@
 """``pfslam-viz replay``: run the filter over a recording, and send every step to where the user wants it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from time import perf_counter
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from pfslam_viz import console
 from pfslam_viz.commands.choices import ConfigChoice, DetailChoice, RecordingChoice, SinkChoice
-from pfslam_viz.commands.interrupt import Interrupted, stop_on_interrupt, wait_for_interrupt
+from pfslam_viz.commands.interrupt import Interrupted, stop_on_interrupt
 from pfslam_viz.commands.progress import load_kernels, replay_progress
 from pfslam_viz.commands.summary import summary
 from pfslam_viz.config import Config
@@ -42,13 +42,13 @@ def run(
     recording = read(chosen, quiet)
     load_kernels(quiet)
     with ExitStack() as stack:
-        stream = open_stream(stack, recording, config, sinks, detail)
-        result, log_seconds = _replay(recording, config, stream, quiet)
+        with stop_on_interrupt() as stopped:
+            stream = open_stream(stack, recording, config, sinks, detail)
+            result, log_seconds = _replay(recording, config, stream, stopped, quiet)
         result.require_map()
         if stream is not None:
             stream.finish(result)
         seconds = perf_counter() - started
-        keep_serving(sinks, result)
     if export is not None and len(result.stamps):
         with console.status("writing the export", quiet):
             _export(result, export)
@@ -78,13 +78,6 @@ def tell_doubts(recording: Recording) -> None:
             console.tell(f"{severity}: {finding.line}")
 
 
-def keep_serving(sinks: SinkChoice, result: Result) -> None:
-    """Where viewers are served, wait for Ctrl-C after a whole run."""
-    if sinks.serve and not result.interrupted:
-        console.tell("the run is complete and still served; Ctrl-C ends it")
-        wait_for_interrupt()
-
-
 def kept_or_raise(result: Result, outputs: Sequence[Path | None]) -> None:
     """Raise Interrupted for an interrupted run, with the ``outputs`` that hold what was done."""
     if not result.interrupted:
@@ -105,14 +98,16 @@ def open_stream(
     return replay_stream(recording, config, stack.enter_context(sinks.open()), detail.options())
 
 
-def _replay(recording: Recording, config: Config, stream: "ReplayStream | None", quiet: bool) -> tuple[Result, float]:
-    """Run the filter until the last scan or Ctrl-C; also the seconds that logging took."""
+def _replay(
+    recording: Recording, config: Config, stream: "ReplayStream | None", stopped: Callable[[], bool], quiet: bool
+) -> tuple[Result, float]:
+    """Run the filter until the last scan or until ``stopped``; also the seconds that logging took."""
     log_seconds = 0.0
     replay = Replay(recording, config)
     if not quiet:
         for note in replay.recording.notes[len(recording.notes) :]:
             console.tell(f"note: {note}")
-    with replay_progress(recording, quiet) as progress, stop_on_interrupt() as stopped:
+    with replay_progress(recording, quiet) as progress:
         for step in replay:
             if stream is not None:
                 before = perf_counter()

@@ -20,7 +20,7 @@ START_SECONDS = 20.0  # a viewer has this long to open its port
 
 def serve_at(address: str, say: Callable[[str], None]) -> tuple[rr.GrpcServerSink, str]:
     """A server for viewers on ``address``, and the URL to watch it at, which ``say`` is told too."""
-    port = PORT if _is_free(address, PORT) else free_port(address)
+    port = PORT if is_free(address, PORT) else free_port(address)
     server = rr.GrpcServerSink(bind_ip=address, port=port)
     if address not in LOOPBACK:
         say(f"warning: serving on {address}: everybody who can reach this machine's port {port} can watch")
@@ -40,7 +40,7 @@ def viewer_binary() -> Path:
 
 def spawn_viewer() -> str:
     """Start a viewer that listens on the loopback only; its URL. It outlives this process and its Ctrl-C."""
-    port = PORT if _is_free("127.0.0.1", PORT) else free_port("127.0.0.1")
+    port = PORT if is_free("127.0.0.1", PORT) else free_port("127.0.0.1")
     command = [str(viewer_binary()), "--bind", "127.0.0.1", "--port", str(port), "--expect-data-soon"]
     try:
         viewer = subprocess.Popen(
@@ -90,7 +90,8 @@ def answers(host: str, port: int, seconds: float = 0.5) -> bool:
         return False
 
 
-def _is_free(host: str, port: int) -> bool:
+def is_free(host: str, port: int) -> bool:
+    """Whether nobody listens on this machine's port."""
     try:
         _bind(host, port)
         return True

@@ -21,6 +21,7 @@ from pfslam_viz.viewer import stdout_pipe
 from pfslam_viz.viewer.connections import check_answers, serve_at, spawn_viewer
 from pfslam_viz.viewer.destination import Destination
 from pfslam_viz.viewer.stdout_pipe import StdoutPipe
+from pfslam_viz.viewer.web_viewer import web_viewer
 
 APPLICATION_ID = "pfslam-viz"
 FLUSH_SECONDS = 2.0  # a viewer has this long to take a block before it counts as slow
@@ -37,11 +38,13 @@ class Sink:
         messages: what happened to the destinations, a sentence each.
         path: the file that is written, under its final name.
         on_message: called with each message as it is added.
+        stopped: the run was stopped before its end; a server does not wait for Ctrl-C then.
     """
 
     messages: list[str] = field(default_factory=list)
     path: Path | None = None
     on_message: Callable[[str], None] | None = None
+    stopped: bool = False
     _destinations: list[Destination] = field(default_factory=list)
     _closers: list[Callable[[], None]] = field(default_factory=list)
     _written: Path | None = None
@@ -164,6 +167,7 @@ def open_sinks(
     spawn: bool = False,
     serve: bool | str | None = None,
     bind: str = "127.0.0.1",
+    web: bool = False,
     connect: str | None = None,
     stdout: bool = False,
     application_id: str = APPLICATION_ID,
@@ -181,6 +185,7 @@ def open_sinks(
         spawn: open the viewer and stream to it.
         serve: serve viewers over gRPC, on ``bind``; True, or the address itself.
         bind: the address to serve on. Any but the loopback is warned of in the messages.
+        web: with ``serve``, serve Rerun's web viewer too, on the loopback; the messages say where.
         connect: stream to the viewer or server at this URL.
         stdout: write to standard output.
         application_id: viewers keep a layout per application.
@@ -188,7 +193,7 @@ def open_sinks(
         blueprint: a layout to send first.
         name: what the viewer calls the recording.
         on_message: called with each of the sink's messages as it comes; by default they go to stderr.
-        hold: what keeps a server up once the run is over; by default it serves until Ctrl-C.
+        hold: what keeps a server up once the whole run is over; by default it serves until Ctrl-C.
 
     Raises InputError for a file that cannot be written, an address that cannot be bound, a URL where nobody answers.
     """
@@ -213,7 +218,7 @@ def open_sinks(
         sink._destinations.append(Destination(name, opened, live, to_file, pipe))
 
     served: str | None = None
-    with ExitStack() as files:
+    with ExitStack() as web_server, ExitStack() as files:
         if save is not None:
             sink._written = files.enter_context(replaced(save))
             to_file = stream(live=False)
@@ -230,6 +235,8 @@ def open_sinks(
             server, served = serve_at(address, sink.say)
             to_server.set_sinks(server)
             add("the server", to_server, live=True)
+            if web:
+                web_server.enter_context(web_viewer(served, sink.say))
         if spawn:
             connect_to = spawn_viewer()
             to_viewer = stream(live=True)
@@ -260,9 +267,9 @@ def open_sinks(
             raise
         sink._close_files()
         files.close()
-        if served is not None:
-            sink.say(f"the run is over; still serving at {served} until Ctrl-C")
+        if served is not None and not sink.stopped:
             with suppress(KeyboardInterrupt):
+                sink.say(f"the run is over; still serving at {served} until Ctrl-C")
                 hold()
         sink._close()
 

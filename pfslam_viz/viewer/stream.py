@@ -47,6 +47,7 @@ class ReplayStream:
 
     def finish(self, result: Result) -> None:
         """Log what is known only at the end: the last maps, the trajectory in hindsight, the final framing."""
+        self._drawing.sink.stopped = result.interrupted
         self._collector.finish(result)
         self.flush()
         framing = Framing.of_results([result]) if self._alone and len(result.stamps) else None

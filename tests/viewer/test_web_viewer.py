@@ -1,6 +1,6 @@
-"""The demo in Rerun's web viewer, in Chromium without a window, steered over WebDriver on the loopback.
+"""The web viewer's page, and the demo in it, in Chromium without a window, steered over WebDriver on the loopback.
 
-Skips where there is no Chromium with its driver (Debian: chromium and chromium-driver).
+The latter skips where there is no Chromium with its driver (Debian: chromium and chromium-driver).
 """
 
 import base64
@@ -12,14 +12,13 @@ import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
+from urllib.parse import parse_qs, quote, urlsplit
 
 import pytest
 
-from pfslam_viz.viewer.connections import free_port, viewer_binary
+from pfslam_viz.viewer.connections import answers, free_port, viewer_binary
 from pfslam_viz.viewer.headless import running
-
-pytestmark = pytest.mark.slow
+from pfslam_viz.viewer.web_viewer import web_viewer
 
 HOST = "127.0.0.1"
 PATIENCE = 120.0  # s; WebAssembly on a software renderer takes its time
@@ -74,6 +73,13 @@ class Browser:
                 time.sleep(0.1)
 
 
+def listening_sockets() -> list[tuple[str, int]]:
+    """Address, in hexadecimal, and port of every socket of this machine that listens; none where it does not tell."""
+    tables = [path for path in (Path("/proc/net/tcp"), Path("/proc/net/tcp6")) if path.is_file()]
+    rows = [line.split() for path in tables for line in path.read_text().splitlines()[1:]]
+    return [(host, int(port, 16)) for row in rows if row[3] == "0A" for host, port in [row[1].split(":")]]
+
+
 @pytest.fixture
 def browser(tmp_path: Path) -> Iterator["Browser"]:
     driver = shutil.which("chromedriver")
@@ -86,6 +92,22 @@ def browser(tmp_path: Path) -> Iterator["Browser"]:
         opened.close()
 
 
+def test_the_page_is_served_on_the_loopback_alone() -> None:
+    said: list[str] = []
+    source = "rerun+http://127.0.0.1:9876/proxy"
+    with web_viewer(source, said.append) as address:
+        parts = urlsplit(address)
+        assert (parts.scheme, parts.hostname, parse_qs(parts.query)) == ("http", "127.0.0.1", {"url": [source]})
+        assert said == [f"the web viewer is at {address}"]
+        with urllib.request.urlopen(address, timeout=20.0) as page:
+            assert page.status == 200 and b"<html" in page.read()
+        listening = {host for host, port in listening_sockets() if port == parts.port}
+        assert listening in ({"0100007F"}, set())  # in hexadecimal, where the system tells
+        assert listening or not listening_sockets()
+    assert not answers("127.0.0.1", parts.port or 0)
+
+
+@pytest.mark.slow
 def test_the_demo_plays_in_the_web_viewer(
     browser: Browser, demo: Path, output: Path, shares: Callable[[Path], dict[str, float]], tmp_path: Path
 ) -> None:
