@@ -1,6 +1,7 @@
 """``pfslam-viz sweep``: many runs, on this machine or on a Dask cluster."""
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -115,18 +116,20 @@ def _run(
     quiet: bool,
 ) -> None:
     """Run the missing cells, each into its row."""
-    load_kernels(quiet)
-    workers = choice.workers or min(cores(), len(missing))
-    with console.status("compiling kernels, timing a few scans", quiet):
-        seconds = estimate_seconds(missing, recordings, workers)
-    if not quiet:
-        done = plan.count - len(missing)
-        resumed = f"; {done:,} are done, {len(missing):,} are missing" if done else ""
-        where = f"on {workers} worker{'s' * (workers != 1)}" if choice.scheduler is None else "if there were one worker"
-        console.tell(f"{plan.in_words}{resumed}; about {_duration(seconds)} {where}")
-    if choice.scheduler is not None:
-        workers = 1
-    with stop_on_interrupt() as stopped, open_cluster(choice.scheduler, workers) as client, _Bar(missing, quiet) as bar:
+    workers = min(choice.workers or cores(), len(missing))
+    with ExitStack() as stack:
+        if choice.scheduler is not None:  # one that is not there is told before anything that takes long
+            client = stack.enter_context(open_cluster(choice.scheduler))
+            workers = max(sum(client.nthreads().values()), 1)
+        load_kernels(quiet)
+        with console.status("compiling kernels, timing a few scans", quiet):
+            seconds = estimate_seconds(missing, recordings, workers)
+        if not quiet:
+            console.tell(_announcement(plan, len(missing), seconds, workers))
+        stopped = stack.enter_context(stop_on_interrupt())
+        if choice.scheduler is None:
+            client = stack.enter_context(open_cluster(None, workers))
+        bar = stack.enter_context(_Bar(missing, quiet))
 
         def on_answer(cell: Cell, answer: Answer) -> None:
             row = {**provenance(), **answer.row}
@@ -143,6 +146,13 @@ def _run(
         was_stopped = stopped()
     if was_stopped and bar.done < len(missing):
         raise Interrupted(f"interrupted; {_kept(plan, results)}")
+
+
+def _announcement(plan: Plan, missing: int, seconds: float, workers: int) -> str:
+    """How many runs, and about how long they take."""
+    done = plan.count - missing
+    resumed = f"; {done:,} are done, {missing:,} are missing" if done else ""
+    return f"{plan.in_words}{resumed}; about {_duration(seconds)} on {workers} worker{'s' * (workers != 1)}"
 
 
 def _kept(plan: Plan, results: Results) -> str:

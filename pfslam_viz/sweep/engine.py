@@ -38,7 +38,7 @@ def require_distributed() -> None:
 
 
 @contextmanager
-def open_cluster(scheduler: str | None, workers: int) -> Iterator["Client"]:
+def open_cluster(scheduler: str | None, workers: int = 1) -> Iterator["Client"]:
     """A client of the scheduler at the address, or of ``workers`` processes of one thread on this machine's loopback.
 
     Raises InputError for a scheduler that does not answer.
@@ -140,7 +140,7 @@ class _Run:
         if not threads:
             self.tell("the scheduler has no workers yet: cells wait until one joins ('dask worker' starts one)")
             return
-        for address, found in self.client.run(code_version, on_error="return").items():
+        for address, found in self.client.run(worker.code_version, on_error="return").items():
             if isinstance(found, BaseException):
                 raise InputError(
                     f"worker {address} cannot run pfslam-viz ({worker.one_line(found)}):"

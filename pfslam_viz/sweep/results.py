@@ -29,6 +29,7 @@ class Results:
         check_writable(self.csv)
         self.rows: list[TextRow] = _read(self.csv)
         self.columns = columns(self.settings)
+        self._ready = False  # whether the file has these columns, and no row that is to be run anew
 
     def other_code(self, cells: Iterable[Cell], code: str) -> dict[str, int]:
         """How many of these cells are done with other code than ``code``, by its version."""
@@ -40,7 +41,7 @@ class Results:
         return found
 
     def start(self, cells: Sequence[Cell], code: str | None) -> list[Cell]:
-        """Make the file ready for these cells: which of them are still to be run, the failed ones among them.
+        """Which of these cells are still to be run, the failed ones among them.
 
         Rows that they replace are left out: of a cell that failed, of another recording or configuration of the same
         name, of other code than ``code`` unless that is None. Rows of cells that are not among these stay.
@@ -56,10 +57,9 @@ class Results:
             elif _name({key: row.get(key, "") for key in next(iter(wanted.values())).key}) not in names:
                 others.append(row)
         self.rows = [*others, *(kept[cell.id] for cell in cells if cell.id in kept)]
-        own = [name for row in others for name in row if name not in self.columns]
+        own = [name for row in self.rows for name in row if name not in self.columns]
         at = self.columns.index("seed")
         self.columns[at:at] = dict.fromkeys(own)
-        self._write()
         return [cell for cell in cells if cell.id not in kept]
 
     def add(self, cell: Cell, row: Row, trace: bytes = b"", error: str | None = None) -> None:
@@ -67,6 +67,8 @@ class Results:
         if trace:
             with replaced(self.trace_path(cell)) as temporary:
                 temporary.write_bytes(trace)
+        if not self._ready:
+            self._write()
         text = _texts(row) | cell.key | {"cell": cell.id, "error": error or ""}
         self.rows.append(text)
         with self.csv.open("a", encoding="utf-8", newline="") as file:
@@ -99,6 +101,7 @@ class Results:
             writer = csv.DictWriter(file, self.columns, restval="", lineterminator="\n")
             writer.writeheader()
             writer.writerows(self.rows)
+        self._ready = True
 
     def _write_parquet(self) -> None:
         """The same rows; numbers as numbers, and settings too where all of their values are numbers."""
