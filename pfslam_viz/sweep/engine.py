@@ -12,7 +12,7 @@ from pfslam_viz.errors import InputError, PfslamError
 from pfslam_viz.evaluation.cell import WARM_UP
 from pfslam_viz.recordings.choice import RecordingChoice
 from pfslam_viz.recordings.recording import Recording
-from pfslam_viz.sweep import worker
+from pfslam_viz.sweep import version, worker
 from pfslam_viz.sweep.plan import Cell
 from pfslam_viz.sweep.version import code_version
 from pfslam_viz.sweep.worker import Answer, Order
@@ -59,6 +59,7 @@ def open_cluster(scheduler: str | None, workers: int = 1) -> Iterator["Client"]:
                 processes=True,
                 host="127.0.0.1",
                 dashboard_address=None,
+                scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},  # a free port, without a word
                 memory_limit=0,
                 local_directory=scratch,
                 env=ONE_THREAD,
@@ -140,7 +141,7 @@ class _Run:
         if not threads:
             self.tell("the scheduler has no workers yet: cells wait until one joins ('dask worker' starts one)")
             return
-        for address, found in self.client.run(worker.code_version, on_error="return").items():
+        for address, found in self.client.run(version.code_version, on_error="return").items():
             if isinstance(found, BaseException):
                 raise InputError(
                     f"worker {address} cannot run pfslam-viz ({worker.one_line(found)}):"

@@ -65,11 +65,12 @@ def test_the_recording(study: tuple[Plan, list[Cell], Results], tmp_path: Path) 
         found.setdefault(chunk.entity_path, {}).update({k.split(":")[-1]: v for k, v in rows[-1].items()})
     runs = [name for name in found if name.startswith("/0/runs/") and not name.endswith("truth")]
     assert len(runs) == len(cells)  # an entity each, to be switched on and off
+    assert BOX == (160.0, 100.0)
     dots = np.array(found["/0/curves/particles/all/runs"]["positions"])
-    np.testing.assert_allclose(dots[::2, 0], np.array([0.0, BOX[0] / 2, BOX[0]]), atol=1e-4)
-    np.testing.assert_allclose(dots[:2, 1], [-BOX[1] * 0.4 / 0.8, -BOX[1]], atol=1e-4)  # up is smaller in 2-D views
+    np.testing.assert_allclose(dots[::2, 0], [0, 80, 160], atol=1e-4)
+    np.testing.assert_allclose(dots[:2, 1], [-50, -100], atol=1e-4)  # up is smaller in 2-D views
     line = np.array(found["/0/worst/trajectory"]["strips"][0])
-    np.testing.assert_allclose(line[[0, -1]], [[2, 4], [2 + 0.8 / 0.5, 4]], atol=1e-4)  # cells from the upper left
+    np.testing.assert_allclose(line[[0, -1]], [[2.0, 4.0], [3.6, 4.0]], atol=1e-4)  # cells from the upper left
     assert "/0/best/map" in found and "/table" in found
 
 
