@@ -2,10 +2,13 @@
 
 import logging
 import tempfile
+from asyncio import CancelledError as AsyncCancelledError
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager, suppress
 from importlib.util import find_spec
 from queue import Empty, SimpleQueue
+from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from pfslam_viz.errors import InputError, PfslamError
@@ -22,11 +25,14 @@ if TYPE_CHECKING:
 
 CONNECT_SECONDS = 5.0  # a scheduler has this long to answer
 POLL_SECONDS = 0.2  # how soon Ctrl-C is noticed
+ASK_SECONDS = 2.0  # from one look at the workers to the next
 MOST_COMPILED = 20  # configurations that are tried before the first cell
 AHEAD = 3  # cells a worker that are submitted at a time, so that a large sweep does not wait in the scheduler
 ONE_THREAD = dict.fromkeys(
     ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"), "1"
 )
+
+GONE = "the scheduler went away"
 
 OnAnswer = Callable[[Cell, Answer], None]
 
@@ -44,11 +50,12 @@ def open_cluster(scheduler: str | None, workers: int = 1) -> Iterator["Client"]:
     Raises InputError for a scheduler that does not answer.
     """
     require_distributed()
-    for name in ("distributed", "tornado", "asyncio"):
-        logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is said as one line by us
     import dask
     from distributed import Client, LocalCluster
 
+    for name in ("asyncio", "tornado", "distributed", *logging.root.manager.loggerDict):
+        if name.partition(".")[0] in ("asyncio", "tornado", "distributed"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is said by us, in a line
     with ExitStack() as stack:
         stack.enter_context(dask.config.set({"distributed.comm.timeouts.connect": f"{CONNECT_SECONDS}s"}))
         if scheduler is None:
@@ -97,18 +104,29 @@ def run_cells(
     do not. Raises InputError for workers of another version, PfslamError when the scheduler goes away.
     """
     run = _Run(client, choices, recordings, fingerprints, tell)
-    run.check_workers()
-    run.compile_kernels(cells)
+    with _scheduler_there():
+        run.check_workers()
+        run.compile_kernels(cells)
     waiting = list(reversed(cells))
     while waiting or run.pending:
-        while waiting and len(run.pending) < run.room:
-            run.submit(waiting.pop())
-        answered = run.next_answer()
+        with _scheduler_there():
+            while waiting and len(run.pending) < run.room():
+                run.submit(waiting.pop())
+            answered = run.next_answer()
         if stopped():
             run.cancel()
             return
         if answered is not None:
             on_answer(*answered)
+
+
+@contextmanager
+def _scheduler_there() -> Iterator[None]:
+    """Raise PfslamError where the connection to the scheduler breaks."""
+    try:
+        yield
+    except (OSError, CancelledError, AsyncCancelledError):  # Dask's errors of communication are OSErrors
+        raise PfslamError(GONE) from None
 
 
 class _Run:
@@ -129,11 +147,14 @@ class _Run:
         self._done: SimpleQueue[str] = SimpleQueue()
         self._sent: set[tuple[str, str]] = set()
         self._attempts = 0
+        self._room, self._asked = 0, float("-inf")
 
-    @property
     def room(self) -> int:
-        """How many cells may be on their way."""
-        return max(AHEAD * sum(self._threads().values()), 2 * AHEAD)
+        """How many cells may be on their way; workers may come and go, so that it is asked for now and then."""
+        if monotonic() > self._asked + ASK_SECONDS:
+            self._room = AHEAD * max(sum(self._threads().values()), 2)
+            self._asked = monotonic()
+        return self._room
 
     def check_workers(self) -> None:
         """Raise InputError for workers of another version; say what else is amiss with them."""
@@ -181,7 +202,7 @@ class _Run:
             key = self._done.get(timeout=POLL_SECONDS)
         except Empty:
             if self.client.status not in ("running", "connecting"):
-                raise PfslamError("the scheduler went away") from None
+                raise PfslamError(GONE) from None
             return None
         cell, future = self.pending.pop(key), self._futures.pop(key)
         if future.status == "finished":
@@ -194,7 +215,7 @@ class _Run:
         if future.status == "error":
             return cell, Answer(cell.id, code_version(), {}, error=_explain(future.exception()))
         if self.client.status not in ("running", "connecting"):
-            raise PfslamError("the scheduler went away")
+            raise PfslamError(GONE)
         self.submit(cell)  # lost with its worker, or cancelled by somebody else
         return None
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import psutil
 import pytest
 
-from pfslam_viz.errors import InputError
+from pfslam_viz.errors import InputError, PfslamError
 from pfslam_viz.recordings.choice import RecordingChoice
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.sweep import engine
@@ -82,6 +82,24 @@ def test_a_worker_of_another_version_is_refused(
     said = rf"worker tcp://127\.0\.0\.1:\d+ has pfslam-viz {re.escape(code_version())}, and this is {re.escape(other)}"
     with pytest.raises(InputError, match=said):
         answers(client, cells, sweep_recording, RecordingChoice("/nowhere"))
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_goes_away_ends_the_sweep(cells: list[Cell], sweep_recording: Recording) -> None:
+    """What has been answered before is answered."""
+    found: list[Answer] = []
+    digest = fingerprint(sweep_recording)
+    with open_cluster(None, 1) as local, open_cluster(address_of(local)) as client:
+
+        def on_answer(cell: Cell, answer: Answer) -> None:
+            found.append(answer)
+            assert local.cluster is not None
+            local.cluster.close(timeout=5)
+
+        places, recordings = {"drive": RecordingChoice("/nowhere")}, {"drive": sweep_recording}
+        with pytest.raises(PfslamError, match=r"^the scheduler went away$"):
+            run_cells(client, cells * 5, places, recordings, {"drive": digest}, on_answer)
+    assert found and found[0].error is None
 
 
 @pytest.mark.slow
