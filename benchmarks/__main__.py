@@ -5,7 +5,7 @@ from importlib import import_module
 
 from benchmarks import machine
 
-NAMES = ("speed", "scaling", "memory", "recording", "startup", "logging", "accuracy", "yardstick", "report")
+NAMES = ("speed", "scaling", "memory", "recording", "startup", "logging", "accuracy", "yardstick", "sweep", "report")
 TELL_THEMSELVES = ("accuracy", "report")  # on what machine they ran
 
 
