@@ -58,6 +58,16 @@ def test_only_what_is_missing_or_failed_is_run_again(twelve: Plan, cells: list[C
     assert results(tmp_path, twelve).start(cells, "c1") == []
 
 
+def test_a_row_that_was_cut_in_its_last_column_is_none(twelve: Plan, cells: list[Cell], tmp_path: Path) -> None:
+    kept = results(tmp_path, twelve)
+    kept.start(cells, "c1")
+    kept.add(cells[0], ROW)
+    kept.add(cells[1], ROW)
+    path = tmp_path / "results.csv"
+    path.write_text(path.read_text()[:-4])
+    assert [row["cell"] for row in results(tmp_path, twelve).rows] == [cells[0].id]
+
+
 def test_rows_of_other_code_are_noticed(twelve: Plan, cells: list[Cell], tmp_path: Path) -> None:
     kept = results(tmp_path, twelve)
     kept.start(cells, "c1")
