@@ -13,6 +13,7 @@ from pfslam_viz.commands.interrupt import Interrupted, stop_on_interrupt
 from pfslam_viz.commands.progress import load_kernels
 from pfslam_viz.commands.replay import read
 from pfslam_viz.errors import InputError, PfslamError
+from pfslam_viz.files import replaced
 from pfslam_viz.recordings.catalog import find
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.slam.worker import cores
@@ -24,7 +25,7 @@ from pfslam_viz.sweep.plan import Block, Cell, Plan, make_plan, parse_values
 from pfslam_viz.sweep.plan_file import PlanFile, read_plan_file
 from pfslam_viz.sweep.results import Results
 from pfslam_viz.sweep.row import provenance
-from pfslam_viz.sweep.summary import Ranking, check_column, markdown, rankings, table
+from pfslam_viz.sweep.summary import Ranking, check_column, cost, markdown_page, rankings, table
 from pfslam_viz.sweep.version import code_version
 from pfslam_viz.sweep.worker import Answer, content, fingerprint
 
@@ -164,10 +165,13 @@ def _show(plan: Plan, cells: Sequence[Cell], results: Results, by: str | None, v
     """The table, sweep.rrd and index.html."""
     found = rankings(plan, cells, results.of(cells), by)
     ends = [extremes(plan, ranking, cells, results) for ranking in found]
-    (results.folder / "table.md").write_text("\n".join(markdown(plan, r) for r in found), encoding="utf-8")
+    rows = results.of(cells)
+    with replaced(results.folder / "table.md") as temporary:
+        temporary.write_text(markdown_page(plan, found, rows), encoding="utf-8")
     if not quiet:
         for ranking in found:
             console.results().print(table(plan, ranking))
+        console.results().print(cost(rows), markup=False)
     if viewer:
         _write_recording(plan, cells, results, found, quiet)
     try:

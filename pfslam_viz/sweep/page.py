@@ -11,7 +11,7 @@ from pfslam_viz.files import replaced
 from pfslam_viz.sweep.curves import panels
 from pfslam_viz.sweep.extremes import Extreme
 from pfslam_viz.sweep.plan import Plan
-from pfslam_viz.sweep.summary import SAME_MEANS, Ranking, cells_of
+from pfslam_viz.sweep.summary import BEST, SAME_MEANS, Ranking, cells_of, overview
 
 TABLE_STYLE = """
 table { border-collapse: collapse; margin: 1rem 0; font-size: .9rem; }
@@ -31,7 +31,7 @@ def write_page(folder: Path, plan: Plan, found: Sequence[Ranking], extremes: Seq
     require_matplotlib()
     from pfslam_viz.sweep.plots import draw_maps, draw_panels
 
-    sections = []
+    sections = [_overview(plan, found)] if len(found) > 1 else []
     for k, (ranking, ends) in enumerate(zip(found, extremes, strict=True)):
         pictures = []
         if shown := panels(plan, ranking):
@@ -63,10 +63,18 @@ def write_page(folder: Path, plan: Plan, found: Sequence[Ranking], extremes: Seq
     return path
 
 
-def _section(plan: Plan, ranking: Ranking, pictures: Sequence[tuple[str, str]]) -> str:
-    head, body = cells_of(plan, ranking)
+def _overview(plan: Plan, found: Sequence[Ranking]) -> str:
+    note = f"<p class='about'>{BEST}: the best. {escape(SAME_MEANS)}</p>"
+    return f"<h2>All recordings</h2>\n{_table(*overview(plan, found))}{note}\n"
+
+
+def _table(head: Sequence[str], body: Sequence[Sequence[str]]) -> str:
     rows = "\n".join("<tr>" + "".join(f"<td>{escape(text)}</td>" for text in row) + "</tr>" for row in body)
     titles = "".join(f"<th>{escape(name)}</th>" for name in head)
+    return f'<div class="wide"><table><tr>{titles}</tr>\n{rows}</table></div>'
+
+
+def _section(plan: Plan, ranking: Ranking, pictures: Sequence[tuple[str, str]]) -> str:
     note = f"<p class='about'>{escape(SAME_MEANS)}</p>" if any(line.same for line in ranking.lines) else ""
     figures = "\n".join(
         f'<figure><a href="{source}"><img src="{source}" alt="{escape(caption)}" loading="lazy"></a>'
@@ -75,5 +83,5 @@ def _section(plan: Plan, ranking: Ranking, pictures: Sequence[tuple[str, str]]) 
     )
     return (
         f"<h2>{escape(ranking.recording)} <small>best first by {escape(ranking.by)}</small></h2>\n"
-        f'<div class="wide"><table><tr>{titles}</tr>\n{rows}</table></div>{note}\n{figures}\n'
+        f"{_table(*cells_of(plan, ranking))}{note}\n{figures}\n"
     )

@@ -14,7 +14,7 @@ from pfslam_viz.sweep.curves import Panel, panels
 from pfslam_viz.sweep.extremes import Extreme, extremes, label_of, ranked_cells
 from pfslam_viz.sweep.plan import Cell, Plan
 from pfslam_viz.sweep.results import Results
-from pfslam_viz.sweep.summary import LABELS, Ranking, markdown
+from pfslam_viz.sweep.summary import LABELS, Ranking, markdown_page
 from pfslam_viz.viewer.entities import DEAD_RECKONING, FILTER, MISS, TRUTH, Color
 from pfslam_viz.viewer.sinks import Sink, open_sinks
 
@@ -30,8 +30,8 @@ def write_recording(path: Path, plan: Plan, found: Sequence[Ranking], cells: Seq
     """Write the recording. It has no timeline: everything holds for the whole sweep."""
     with open_sinks(save=path, application_id="pfslam-viz sweep", name="sweep") as sink:
         tabs = [_recording(sink, str(k), plan, ranking, cells, results) for k, ranking in enumerate(found)]
-        text = "\n".join(markdown(plan, ranking) for ranking in found)
-        sink.log_static("table", rr.TextDocument(f"# {plan.in_words}\n\n{text}", media_type="text/markdown"))
+        text = markdown_page(plan, found, results.of(cells))
+        sink.log_static("table", rr.TextDocument(text, media_type="text/markdown"))
         page = rrb.TextDocumentView(origin="/table", name="Table")
         blueprint = rrb.Blueprint(
             rrb.Tabs(*tabs, page, active_tab=0),

@@ -35,6 +35,7 @@ LABELS = {
     "times_real_time": "x real time",
 }
 SAME = "≈"
+BEST = "*"
 SAME_MEANS = f"{SAME}: its range over the seeds overlaps that of the best; the seeds do not tell them apart"
 
 
@@ -144,6 +145,31 @@ def cells_of(plan: Plan, ranking: Ranking) -> tuple[list[str], list[list[str]]]:
     return head, body
 
 
+def overview(plan: Plan, found: Sequence[Ranking]) -> tuple[list[str], list[list[str]]]:
+    """Head and body of one table of all recordings: a row for each variant as listed, a column for each recording.
+
+    The best of a column is marked ``*``, what the seeds do not tell from it ``≈``.
+    """
+    names = varying(plan)
+    head = [*names, *(f"{ranking.recording}, {LABELS.get(ranking.by, ranking.by)}" for ranking in found)]
+    body = []
+    for variant in plan.variants:
+        row = [value_of(variant, name) for name in names]
+        for ranking in found:
+            place, line = next((k, ln) for k, ln in enumerate(ranking.lines) if ln.variant is variant)
+            known = line.ranges.get(ranking.by)
+            mark = SAME if line.same else BEST if place == 0 else ""
+            row.append("" if known is None else f"{known} {mark}".strip())
+        body.append(row)
+    return head, body
+
+
+def cost(rows: Sequence[TextRow]) -> str:
+    """What runs cost together: how many, and the core-hours that they took, scoring included."""
+    seconds = sum(number(row.get("cell_s", "")) or 0.0 for row in rows)
+    return f"{len(rows):,} run{'s' * (len(rows) != 1)}, {seconds / 3600:.2f} core-hours"
+
+
 def _text(found: Range | None, whole: bool) -> str:
     """The range of what is ranked; the median alone of the rest, for a table that fits a terminal."""
     if found is None:
@@ -171,9 +197,19 @@ def table(plan: Plan, ranking: Ranking) -> "RenderableType":
 
 def markdown(plan: Plan, ranking: Ranking) -> str:
     """The same table as Markdown."""
-    head, body = cells_of(plan, ranking)
-    lines = [f"### {ranking.recording}", "", f"| {' | '.join(head)} |", f"|{' --- |' * len(head)}"]
-    lines += [f"| {' | '.join(row)} |" for row in body]
+    lines = [f"### {ranking.recording}", "", *_markdown_table(*cells_of(plan, ranking))]
     if any(line.same for line in ranking.lines):
         lines += ["", SAME_MEANS]
     return "\n".join(lines) + "\n"
+
+
+def markdown_page(plan: Plan, found: Sequence[Ranking], rows: Sequence[TextRow]) -> str:
+    """Everything as Markdown: the overview, where there are several recordings, and a table for each."""
+    parts = [f"{plan.in_words}; {cost(rows)}\n"]
+    if len(found) > 1:
+        parts.append("\n".join([*_markdown_table(*overview(plan, found)), "", f"{BEST}: the best. {SAME_MEANS}", ""]))
+    return "\n".join([*parts, *(markdown(plan, ranking) for ranking in found)])
+
+
+def _markdown_table(head: Sequence[str], body: Sequence[Sequence[str]]) -> list[str]:
+    return [f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *body)]

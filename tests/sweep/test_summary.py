@@ -7,7 +7,7 @@ from pfslam_viz.recordings.choice import RecordingChoice
 from pfslam_viz.sweep.curves import as_number, panels
 from pfslam_viz.sweep.plan import Block, Cell, Plan, make_plan
 from pfslam_viz.sweep.results import TextRow
-from pfslam_viz.sweep.summary import SAME, cells_of, check_column, markdown, rankings
+from pfslam_viz.sweep.summary import SAME, cells_of, check_column, cost, markdown, overview, rankings
 
 ERRORS = {  # particles: rmse of the three seeds
     "10": (0.5, 0.9, 0.6),
@@ -45,6 +45,25 @@ def test_best_first_with_median_and_range(plan: Plan) -> None:
     assert head[:3] == ["", "particles", "rmse m"]
     assert body[1][:3] == [SAME, "100", "0.35 [0.3, 0.45]"]
     assert "| ≈ | 100 | 0.35 [0.3, 0.45] |" in markdown(plan, found)
+
+
+def test_all_recordings_in_one_table() -> None:
+    plan = make_plan(
+        [("a", RecordingChoice("/a")), ("b", RecordingChoice("/b"))],
+        [Block(("paper",), (("particles", tuple(ERRORS)),))],
+        range(3),
+    )  # fmt: skip
+    cells = plan.cells({"a": "1", "b": "2"})
+    rows = [row | {"cell_s": "90"} for row in rows_of(cells)]
+    rows = [row for row, cell in zip(rows, cells, strict=True) if cell.recording == "a" or cell.config.particles < 1000]
+    head, body = overview(plan, rankings(plan, cells, rows))
+    assert head == ["particles", "a, rmse m", "b, rmse m"]
+    assert body == [
+        ["10", "0.6 [0.5, 0.9]", "0.6 [0.5, 0.9]"],
+        ["100", "0.35 [0.3, 0.45] ≈", "0.35 [0.3, 0.45] *"],
+        ["1000", "0.2 [0.1, 0.3] *", ""],
+    ]
+    assert cost(rows) == "15 runs, 0.38 core-hours"  # 15 x 90 s
 
 
 def test_one_seed_has_no_spread_that_could_hide_a_difference(plan: Plan) -> None:
