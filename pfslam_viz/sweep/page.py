@@ -29,9 +29,14 @@ def require_matplotlib() -> None:
 def write_page(folder: Path, plan: Plan, found: Sequence[Ranking], extremes: Sequence[Sequence[Extreme]]) -> Path:
     """Write the page and its pictures into the folder; ``extremes`` has those of each ranking."""
     require_matplotlib()
-    from pfslam_viz.sweep.plots import draw_maps, draw_panels
+    from pfslam_viz.sweep.plots import draw_maps, draw_overview, draw_panels
 
-    sections = [_overview(plan, found)] if len(found) > 1 else []
+    sections = []
+    if len(found) > 1:
+        measured = [(r.recording, r.by, shown) for r in found if (shown := panels(plan, r))]
+        if measured:
+            draw_overview(folder / "curves.png", measured)
+        sections.append(_overview(plan, found, bool(measured)))
     for k, (ranking, ends) in enumerate(zip(found, extremes, strict=True)):
         pictures = []
         if shown := panels(plan, ranking):
@@ -63,9 +68,17 @@ def write_page(folder: Path, plan: Plan, found: Sequence[Ranking], extremes: Seq
     return path
 
 
-def _overview(plan: Plan, found: Sequence[Ranking]) -> str:
+def _overview(plan: Plan, found: Sequence[Ranking], drawn: bool) -> str:
     note = f"<p class='about'>{BEST}: the best. {escape(SAME_MEANS)}</p>"
-    return f"<h2>All recordings</h2>\n{_table(*overview(plan, found))}{note}\n"
+    figure = _figure("curves.png", "a point a run, a line through the medians") if drawn else ""
+    return f"<h2>All recordings</h2>\n{_table(*overview(plan, found))}{note}\n{figure}\n"
+
+
+def _figure(source: str, caption: str) -> str:
+    return (
+        f'<figure><a href="{source}"><img src="{source}" alt="{escape(caption)}" loading="lazy"></a>'
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
+    )
 
 
 def _table(head: Sequence[str], body: Sequence[Sequence[str]]) -> str:
@@ -76,11 +89,7 @@ def _table(head: Sequence[str], body: Sequence[Sequence[str]]) -> str:
 
 def _section(plan: Plan, ranking: Ranking, pictures: Sequence[tuple[str, str]]) -> str:
     note = f"<p class='about'>{escape(SAME_MEANS)}</p>" if any(line.same for line in ranking.lines) else ""
-    figures = "\n".join(
-        f'<figure><a href="{source}"><img src="{source}" alt="{escape(caption)}" loading="lazy"></a>'
-        f"<figcaption>{escape(caption)}</figcaption></figure>"
-        for source, caption in pictures
-    )
+    figures = "\n".join(_figure(source, caption) for source, caption in pictures)
     return (
         f"<h2>{escape(ranking.recording)} <small>best first by {escape(ranking.by)}</small></h2>\n"
         f"{_table(*cells_of(plan, ranking))}{note}\n{figures}\n"

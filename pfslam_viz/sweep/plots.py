@@ -34,6 +34,21 @@ def draw_panels(path: Path, title: str, by: str, panels: Sequence[Panel]) -> Non
         _save(figure, path)
 
 
+def draw_overview(path: Path, panels: Sequence[tuple[str, str, Sequence[Panel]]]) -> None:
+    """All recordings in one picture: a column for each (name, number, panels), a row for each setting."""
+    settings = list(dict.fromkeys(panel.setting for _, _, own in panels for panel in own))
+    with style.context("default"):
+        size = 0.7 * WIDTH * len(panels), 0.75 * HEIGHT * len(settings)
+        figure = Figure(size, DPI, facecolor="white", layout="constrained")
+        for column, (name, by, own) in enumerate(panels):
+            for panel in own:
+                place = settings.index(panel.setting) * len(panels) + column + 1
+                axes = figure.add_subplot(len(settings), len(panels), place)
+                _draw(axes, panel, LABELS.get(by, by))
+                axes.set_title(name, fontsize=10)
+        _save(figure, path)
+
+
 def draw_maps(path: Path, title: str, maps: Sequence[tuple[str, Trace]]) -> None:
     """Maps with their trajectories, truth and dead reckoning, beside each other at one scale."""
     with style.context("default"):
