@@ -7,7 +7,7 @@ from statistics import median
 
 from pfslam_viz.sweep.plan import Plan
 from pfslam_viz.sweep.results import number
-from pfslam_viz.sweep.summary import Line, Ranking, value_of, varying
+from pfslam_viz.sweep.summary import Line, Ranking, short_names, value_of, varying
 
 LOG_FROM = 10.0  # times from the smallest to the largest value: then an axis is logarithmic
 
@@ -47,7 +47,9 @@ class Panel:
 
 def panels(plan: Plan, ranking: Ranking) -> list[Panel]:
     """A panel for each setting that differs; none where nothing has been measured."""
-    lines = [line for line in ranking.lines if ranking.by in line.ranges]
+    order = {id(variant): k for k, variant in enumerate(plan.variants)}  # so that recordings have the same colours
+    known = [line for line in ranking.lines if ranking.by in line.ranges]
+    lines = sorted(known, key=lambda line: order[id(line.variant)])
     return [panel for name in varying(plan) if (panel := _panel(name, varying(plan), lines, ranking.by))]
 
 
@@ -68,10 +70,11 @@ def _panel(name: str, names: Sequence[str], lines: Sequence[Line], by: str) -> P
     numeric = None not in numbers.values() and len(set(numbers.values())) == len(texts)
     texts.sort(key=lambda text: numbers[text] if numeric else 0.0)  # type: ignore[arg-type, return-value]
     places = {text: float(numbers[text] if numeric else k) for k, text in enumerate(texts)}  # type: ignore[arg-type]
+    short = short_names(names) | {"config": ""}
     groups: dict[tuple[str, ...], list[Point]] = {}
     for line in lines:
         text = value_of(line.variant, name)
-        others = tuple(f"{_short(o)} {value_of(line.variant, o)}" for o in names if o != name)
+        others = tuple(f"{short[o]} {value_of(line.variant, o)}".strip() for o in names if o != name)
         values = tuple(v for _, row in line.rows if (v := number(row[by])) is not None)
         groups.setdefault(others, []).append(Point(places[text], text, values))
     if any(len(points) > 1 for points in groups.values()):  # the rest is drawn over another setting
@@ -84,7 +87,3 @@ def _panel(name: str, names: Sequence[str], lines: Sequence[Line], by: str) -> P
         return None
     low, high = shown[0][0], shown[-1][0]
     return Panel(name, tuple(curves), numeric and low > 0 and high >= LOG_FROM * low, numeric, tuple(shown))
-
-
-def _short(name: str) -> str:
-    return "" if name == "config" else name.rpartition(".")[2]

@@ -128,6 +128,12 @@ def varying(plan: Plan) -> list[str]:
     return [*names, *keys] or ["config"]
 
 
+def short_names(names: Sequence[str]) -> dict[str, str]:
+    """For each column the last part of its name, or all of it where several end alike."""
+    ends = [name.rpartition(".")[2] for name in names]
+    return {name: end if ends.count(end) == 1 else name for name, end in zip(names, ends, strict=True)}
+
+
 def value_of(variant: Variant, column: str) -> str:
     """What stands in one of the :func:`varying` columns."""
     return variant.config if column == "config" else dict(variant.settings)[column]
@@ -136,7 +142,7 @@ def value_of(variant: Variant, column: str) -> str:
 def cells_of(plan: Plan, ranking: Ranking) -> tuple[list[str], list[list[str]]]:
     """The head and the body of a ranking's table, as text."""
     names, shown = varying(plan), ranking.shown
-    head = ["", *names, *(LABELS.get(name, name) for name in shown), "seeds"]
+    head = ["", *short_names(names).values(), *(LABELS.get(name, name) for name in shown), "seeds"]
     body = []
     for line in ranking.lines:
         counts = f"{len(line.rows)}" + (f", {line.failed} failed" if line.failed else "")
@@ -151,7 +157,10 @@ def overview(plan: Plan, found: Sequence[Ranking]) -> tuple[list[str], list[list
     The best of a column is marked ``*``, what the seeds do not tell from it ``≈``.
     """
     names = varying(plan)
-    head = [*names, *(f"{ranking.recording}, {LABELS.get(ranking.by, ranking.by)}" for ranking in found)]
+    head = [
+        *short_names(names).values(),
+        *(f"{ranking.recording}, {LABELS.get(ranking.by, ranking.by)}" for ranking in found),
+    ]
     body = []
     for variant in plan.variants:
         row = [value_of(variant, name) for name in names]
@@ -189,7 +198,9 @@ def table(plan: Plan, ranking: Ranking) -> "RenderableType":
     caption = escape(SAME_MEANS) if any(line.same for line in ranking.lines) else None
     shown = Table(title=title, title_justify="left", caption=caption, caption_justify="left")
     for k, name in enumerate(head):
-        shown.add_column(escape(name), justify="right" if k > len(varying(plan)) else "left")
+        shown.add_column(
+            escape(name), justify="right" if k > len(varying(plan)) else "left", no_wrap=k == len(varying(plan)) + 1
+        )
     for row in body:
         shown.add_row(*(escape(text) for text in row))
     return shown
