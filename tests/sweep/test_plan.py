@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from pfslam_viz.config import configs_dir
 from pfslam_viz.errors import InputError
 from pfslam_viz.recordings.choice import RecordingChoice
 from pfslam_viz.slam.paper.settings import PaperConfig
@@ -111,6 +112,14 @@ def test_a_file_says_the_same(tmp_path: Path) -> None:
         Block(("paper", "default"), (("map.cell", ("0.05",)),)),
         Block(("paper",), (("motion.variance", ("[0.1, 0.1, 0.1]", "[0.2, 0.2, 0.2]")),)),
     ]
+
+
+@pytest.mark.parametrize("path", sorted((configs_dir() / "sweeps").glob("*.toml")), ids=lambda path: path.stem)
+def test_the_shipped_studies_can_be_run_with_five_seeds_or_more(path: Path) -> None:
+    file = read_plan_file(Path(path.stem))
+    assert isinstance(file.seeds, int) and file.seeds >= 5
+    found = make_plan([(name, RecordingChoice(name)) for name in file.recordings], file.blocks, range(file.seeds))
+    assert len(found.variants) > 1 and "twin21" in file.recordings
 
 
 @pytest.mark.parametrize(
