@@ -4,8 +4,8 @@ python -m benchmarks sweep --recording demo --cells 40
 
 The same cells four times: one after another in one process, in two processes that share them, and through the sweep's
 engine with one worker and with two, cluster start and stop included. Two bare processes show what this machine's two
-cores can do at all, and the CPU's seconds are less disturbed by what else runs; all processes have loaded their kernels and the recording before the clock starts, the engine's
-workers after it.
+cores can do at all, and the CPU's seconds are less disturbed by what else runs. All processes have loaded their kernels
+and the recording before the clock starts, the engine's workers after it.
 """
 
 import argparse
