@@ -113,11 +113,11 @@ def run_cells(
             while waiting and len(run.pending) < run.room():
                 run.submit(waiting.pop())
             answered = run.next_answer()
+        if answered is not None:
+            on_answer(*answered)
         if stopped():
             run.cancel()
             return
-        if answered is not None:
-            on_answer(*answered)
 
 
 @contextmanager
