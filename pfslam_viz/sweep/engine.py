@@ -99,7 +99,7 @@ def run_cells(
 ) -> None:
     """Run every cell once; ``on_answer`` is called with each as it ends, until ``stopped`` says so.
 
-    A cell whose worker is lost is tried again on another one; one that three workers were lost with is answered as an
+    A cell whose worker is lost is tried again on another one; one that four workers were lost with is answered as an
     error. ``choices`` says where the recordings lie, for workers that have them; ``recordings`` are sent to those that
     do not. Raises InputError for workers of another version, PfslamError when the scheduler goes away.
     """
