@@ -143,10 +143,10 @@ def _run(
         except PfslamError as error:
             if isinstance(error, InputError) or not bar.done:
                 raise
-            raise PfslamError(f"{error}; {_kept(plan, results)}") from None
+            raise PfslamError(f"{error}; {_kept(plan, len(missing), bar.done - bar.failed, results)}") from None
         was_stopped = stopped()
     if was_stopped and bar.done < len(missing):
-        raise Interrupted(f"interrupted; {_kept(plan, results)}")
+        raise Interrupted(f"interrupted; {_kept(plan, len(missing), bar.done - bar.failed, results)}")
 
 
 def _announcement(plan: Plan, missing: int, seconds: float, workers: int) -> str:
@@ -156,8 +156,8 @@ def _announcement(plan: Plan, missing: int, seconds: float, workers: int) -> str
     return f"{plan.in_words}{resumed}; about {_duration(seconds)} on {workers} worker{'s' * (workers != 1)}"
 
 
-def _kept(plan: Plan, results: Results) -> str:
-    done = sum(not row["error"] for row in results.rows)
+def _kept(plan: Plan, missing: int, new: int, results: Results) -> str:
+    done = plan.count - missing + new
     return f"{results.csv} holds {done} of {plan.count} runs, and the same command goes on from there"
 
 
@@ -204,7 +204,7 @@ class _Bar:
     """Cells done and failed, and the time left. A context manager."""
 
     def __init__(self, cells: Sequence[Cell], quiet: bool) -> None:
-        self.done = self._failed = 0
+        self.done = self.failed = 0
         self._progress = Progress(
             TextColumn("sweep"),
             BarColumn(bar_width=24),
@@ -229,5 +229,5 @@ class _Bar:
     def advance(self, failed: bool) -> None:
         """One more cell has ended."""
         self.done += 1
-        self._failed += failed
-        self._progress.update(self._task, advance=1, failed=f"{self._failed} failed" if self._failed else "")
+        self.failed += failed
+        self._progress.update(self._task, advance=1, failed=f"{self.failed} failed" if self.failed else "")

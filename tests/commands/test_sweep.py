@@ -14,7 +14,11 @@ import psutil
 import pytest
 
 from pfslam_viz import cli
+from pfslam_viz.commands.sweep import _kept
+from pfslam_viz.recordings.choice import RecordingChoice
 from pfslam_viz.sweep import engine
+from pfslam_viz.sweep.plan import Block, make_plan
+from pfslam_viz.sweep.results import Results
 from pfslam_viz.sweep.row import TIMES
 
 Run = Callable[..., tuple[int, str, str]]
@@ -143,6 +147,13 @@ def test_ctrl_c_keeps_what_is_done_and_the_same_command_goes_on(
     assert f"{len(done)} are done, {CELLS - len(done)} are missing" in said
     assert rows(tmp_path) == rows(whole)
     assert {row["cell"] for row in done} < {row["cell"] for row in rows(whole)}
+
+
+def test_what_is_kept_is_counted_among_the_runs_of_this_sweep(tmp_path: Path) -> None:
+    """Rows of other runs in the folder do not count, nor does what failed."""
+    plan = make_plan([("a", RecordingChoice("/a"))], [Block(("paper",), (("particles", ("1", "2")),))], range(5))
+    kept = _kept(plan, missing=7, new=2, results=Results(tmp_path, plan.keys))
+    assert kept.startswith(f"{tmp_path / 'results.csv'} holds 5 of 10 runs")
 
 
 @pytest.mark.slow
