@@ -135,8 +135,8 @@ def short_names(names: Sequence[str]) -> dict[str, str]:
 
 
 def value_of(variant: Variant, column: str) -> str:
-    """What stands in one of the :func:`varying` columns."""
-    return variant.config if column == "config" else dict(variant.settings)[column]
+    """What stands in one of the :func:`varying` columns; - where the filter has no such setting."""
+    return variant.config if column == "config" else dict(variant.settings)[column] or "-"
 
 
 def cells_of(plan: Plan, ranking: Ranking) -> tuple[list[str], list[list[str]]]:
