@@ -56,8 +56,12 @@ def open_cluster(scheduler: str | None, workers: int = 1) -> Iterator["Client"]:
     for name in ("asyncio", "tornado", "distributed", *logging.root.manager.loggerDict):
         if name.partition(".")[0] in ("asyncio", "tornado", "distributed"):
             logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is said by us, in a line
+    settings = {
+        "distributed.comm.timeouts.connect": f"{CONNECT_SECONDS}s",
+        "distributed.worker.profile.enabled": False,  # it would stop a cell a hundred times a second
+    }
     with ExitStack() as stack:
-        stack.enter_context(dask.config.set({"distributed.comm.timeouts.connect": f"{CONNECT_SECONDS}s"}))
+        stack.enter_context(dask.config.set(settings))
         if scheduler is None:
             scratch = stack.enter_context(tempfile.TemporaryDirectory(prefix="pfslam-", ignore_cleanup_errors=True))
             cluster = LocalCluster(
