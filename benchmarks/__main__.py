@@ -14,6 +14,7 @@ NAMES = (
     "logging",
     "accuracy",
     "yardstick",
+    "sweep",
     "report",
     "contact-sheet",
 )

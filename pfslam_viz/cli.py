@@ -297,6 +297,76 @@ def evaluate(
 
 
 @app.command(
+    rich_help_panel=JUDGE,
+    epilog=examples(
+        "sweep demo --config paper --set particles=50,100,500 --seeds 5 --out study",
+        "sweep demo 21 --config paper --config default --seeds 3 --out study --scheduler tcp://10.0.0.1:8786",
+        "sweep --plan sweep.toml --out study",
+    ),
+)
+def sweep(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; run again to go on.")],
+    recording: Annotated[
+        list[str] | None, typer.Argument(metavar="RECORDING...", help="Names or paths, one or more.")
+    ] = None,
+    config: ConfigsOpt = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="SECTION.KEY=A,B", help="Values of a setting. Repeatable.", rich_help_panel=FILTER
+        ),
+    ] = None,
+    seeds: Annotated[
+        int | None,
+        typer.Option(
+            "--seeds", min=1, max=1000, help="Runs of each combination.  [dim]1[/dim]", rich_help_panel=FILTER
+        ),
+    ] = None,
+    plan: Annotated[
+        Path | None, typer.Option("--plan", metavar="PATH", help="A TOML file that says the same; see docs/sweep.md.")
+    ] = None,
+    by: Annotated[
+        str | None,
+        typer.Option("--by", metavar="COLUMN", help="What ranks the runs.  [dim]error, else thickness of walls[/dim]"),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option("--scheduler", metavar="tcp://HOST:8786", help="A Dask scheduler.  [dim]this machine[/dim]"),
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", min=1, help="Processes on this machine.  [dim]one a core[/dim]")
+    ] = None,
+    redo_old: Annotated[
+        bool | None, typer.Option("--redo-old/--keep-old", help="What to do with runs of other code.")
+    ] = None,
+    viewer: Annotated[bool, typer.Option("--rrd/--no-rrd", help="Write sweep.rrd.")] = True,
+    data: DataOpt = None,
+    robot: RobotOpt = None,
+    start: StartOpt = 0,
+    stop: StopOpt = None,
+    stride: StrideOpt = 1,
+    scan_topic: ScanTopicOpt = None,
+    odom_topic: OdomTopicOpt = None,
+    base_frame: BaseFrameOpt = None,
+    force: ForceOpt = False,
+    quiet: QuietOpt = False,
+) -> None:
+    """Run every combination of recordings, configurations, settings and seeds, and rank them."""
+    from pfslam_viz.commands import sweep as command
+    from pfslam_viz.commands.choices import RecordingChoice
+
+    command.run(
+        recording or (),
+        RecordingChoice("", data, robot, start, stop, stride, scan_topic, odom_topic, base_frame, force),
+        command.SweepChoice(
+            tuple(config or ()), tuple(settings or ()), seeds, plan, by, scheduler, workers, redo_old, viewer
+        ),
+        out,
+        quiet,
+    )
+
+
+@app.command(
     rich_help_panel=RUN,
     epilog=examples(
         "compare 21 --config paper --config default --save compared.rrd",

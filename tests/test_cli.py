@@ -40,8 +40,9 @@ OPTIONS = {
     "compare": f"{SINKS} {SCANS} --config --set --particles --seed --map-every --max-particles --max-beams --quiet",
     "figures": f"{SCANS} --every --config --set --particles --seed --quiet",
     "video": "--view --from --to --speed --step --size --width --quiet",
+    "sweep": f"{SCANS} --config --set --seeds --out --plan --by --scheduler --workers --redo-old --keep-old --quiet",
 }
-HEAVY = ("rerun", "cv2", "numba", "scipy", "numpy", "pydantic", "pooch")
+HEAVY = ("rerun", "cv2", "numba", "scipy", "numpy", "pydantic", "pooch", "dask", "distributed")
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -107,6 +108,11 @@ def test_commands_about_recordings_load_no_filter_and_no_viewer(
         loaded = loaded_by(line, ("rerun", "cv2", "numba", "scipy", "matplotlib"))
         server.shutdown()
     assert loaded == [str(status)]
+
+
+def test_a_replay_loads_no_dask(drive: Path, tmp_path: Path) -> None:
+    line = ["replay", str(drive), "--stop", "5", "--save", str(tmp_path / "out.rrd"), "--config", "paper", "--quiet"]
+    assert loaded_by(line, ("dask", "distributed")) == ["0"]
 
 
 def test_the_demo_is_looked_up_without_its_simulator(drive: Path, tmp_path: Path) -> None:
