@@ -10,7 +10,6 @@ direction by direction.
 import numpy as np
 from numpy.typing import NDArray
 
-from pfslam_viz import geometry
 from pfslam_viz.slam.graph.pose_graph import Constraints
 from pfslam_viz.slam.graph.scan_store import ScanStore
 from pfslam_viz.slam.graph.settings import FilterConstraintsConfig
@@ -18,10 +17,9 @@ from pfslam_viz.slam.graph.settings import FilterConstraintsConfig
 Array = NDArray[np.float64]
 
 
-def filter_constraints(scans: ScanStore, poses: Array, config: FilterConstraintsConfig) -> Constraints:
-    """The increments between the filter's key ``poses`` (k, 3) as constraints that lose their say as others object."""
-    n = len(poses)
-    measured = geometry.between(poses[:-1], poses[1:])
+def filter_constraints(scans: ScanStore, measured: Array, config: FilterConstraintsConfig) -> Constraints:
+    """The filter's increments (k - 1, 3) from key scan to key scan as constraints that lose their say as others object."""
+    n = len(measured) + 1
     driven, turned_by = np.hypot(measured[:, 0], measured[:, 1]), np.abs(measured[:, 2])
     information = np.zeros((n - 1, 3, 3))
     information[:, 2, 2] = (config.least_angle + config.noise_angle * turned_by) ** -2.0

@@ -56,7 +56,7 @@ class Smoother:
         if len(poses) < 3:
             return Smoothed(poses, closed)
         gates = np.array(self.config.gates)
-        self._filter = filter_constraints(self.scans, poses, self._settings.filter_constraints)
+        self._filter = filter_constraints(self.scans, geometry.between(poses[:-1], poses[1:]), self._settings.filter_constraints)
         poses, _ = self.relax(poses, np.array(self.config.first_gates))
         self._errors = self.odometry_errors(poses)
         poses, support = self.relax(poses, gates)
@@ -87,7 +87,9 @@ class Smoother:
         bridged = spanned(matched, len(poses), max(self.config.hops))
         motion = odometry_constraints(self._odometry, self.config, self._errors, bridged, self._unknown)
         motion = hold_together(poses, motion, self.config.scale)
-        return [motion] if self._filter is None else [motion, self._filter]
+        if self._filter is None:
+            return [motion]
+        return [motion, self._filter.pick(np.flatnonzero(~bridged[self._filter.start]))]  # a scan counts once
 
     def odometry_errors(self, poses: Array) -> OdometryErrors:
         """The wheels' scale and the odometry's noise, from all successive key scans that can tell.
