@@ -79,16 +79,14 @@ def _along(sums: Array, start: int, end: int, x: float, y: float) -> tuple[float
 
 
 def joint_deviations(
-    matched: Constraints, motion: Constraints, count: int, hops: tuple[int, ...], config: DriftConfig
+    matched: Constraints, motion: Constraints, count: int, longest_hop: int, deviation: Array
 ) -> Array:
     """Deviations (count - 1, 2) m, rad from each of ``count`` key scans to the next.
 
-    ``hops`` are those between key scans that were ``matched``. How precise matches are follows from the triangles that
-    they form: a match over two hops against the two matches in between, by the median absolute deviation. Joints that
-    no match spans are as precise as the ``motion`` constraints (odometry) of the graph.
+    That of a match, ``deviation`` (2,), where one of near key scans, no more than the ``longest_hop`` apart, spans the
+    joint; elsewhere that of the ``motion`` constraints (odometry) of the graph.
     """
-    deviation = config.caution * match_deviation(matched, hops, config)
-    joined = spanned(matched, count, max(hops))
+    joined = spanned(matched, count, longest_hop)
     odometry = np.zeros((count - 1, 2))
     odometry[motion.start, 0] = motion.information[:, 0, 0] ** -0.5
     odometry[motion.start, 1] = motion.information[:, 2, 2] ** -0.5
@@ -109,7 +107,11 @@ def spanned(matched: Constraints, count: int, longest_hop: int) -> NDArray[np.bo
 
 
 def match_deviation(matched: Constraints, hops: tuple[int, ...], config: DriftConfig) -> Array:
-    """Deviation (2,) m, rad of a match between successive key scans, from the triangles that matches over hops form."""
+    """Deviation (2,) m, rad of a match between successive key scans, from the triangles that matches over hops form.
+
+    A match over two hops against the two matches in between, by the median absolute deviation. ``hops`` are those
+    between key scans that were ``matched``.
+    """
     at = {(int(a), int(b)): k for k, (a, b) in enumerate(zip(matched.start, matched.end, strict=True))}
     for hop in sorted(hops, reverse=True):
         triangles = [

@@ -181,6 +181,21 @@ class EvidenceConfig(Section):
     preferred: float = setting(0.5, "standard errors from which the settled trajectory is kept, which knows more")
 
 
+class RevisionConfig(Section):
+    """Closing loops and settling the trajectory while the robot drives: every particle then goes on from there."""
+
+    enabled: bool = setting(True, "revise the trajectory and the maps on the way")
+    every: int = setting(5, "key scans from one look for a reason to the next", ge=1)
+    shift: float = setting(0.03, "visits that do not match by so much in the median are a reason ...", "m", gt=0)
+    turn: float = setting(0.01, "... or by so much", "rad", gt=0)
+    fewest_visits: int = setting(3, "matched visits that tell it, at least", ge=1)
+    pause: int = setting(20, "key scans from one revision to the next, at least ...", ge=1)
+    pause_share: float = setting(0.1, "... and such a share of all so far; found loops do not wait", ge=0)
+    regular_share: float = setting(0.3, "such a share more key scans are a reason of their own", gt=0)
+    least_move: float = setting(0.02, "a revision that moves no pose farther is dropped", "m", gt=0)
+    sure: float = setting(0.5, "standard errors from which the scans prefer a revision")
+
+
 class GraphConfig(Config):
     """What the pose graph of a back end reads: mix it into the back end's settings."""
 
@@ -191,3 +206,4 @@ class GraphConfig(Config):
     drift: DriftConfig = DriftConfig()
     loop_closing: LoopClosingConfig = LoopClosingConfig()
     evidence: EvidenceConfig = EvidenceConfig()
+    revision: RevisionConfig = RevisionConfig()
