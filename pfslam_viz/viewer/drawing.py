@@ -18,7 +18,7 @@ from pfslam_viz.viewer.entities import ONLY_RUN, RUN_CURVES, Color, Entity
 from pfslam_viz.viewer.framing import Framing
 from pfslam_viz.viewer.scan_batch import ScanBatch
 from pfslam_viz.viewer.sinks import Sink
-from pfslam_viz.viewer.trail import Trail
+from pfslam_viz.viewer.trail import Points, Trail
 
 Array = NDArray[np.float64]
 
@@ -107,7 +107,7 @@ class Drawing:
         ellipses = archetypes.ellipse_columns(scans.mean, scans.covariance, entities.COVARIANCE.z)
         self._send(entities.COVARIANCE, scans, ellipses)
         self._send(entities.FOLLOW, scans, archetypes.position_columns(scans.best, entities.FOLLOW.z))
-        self._send_trail(entities.TRAJECTORY, scans, scans.best)
+        self._send_trail(entities.TRAJECTORY, scans, scans.best, scans.revised)
         if scans.correction is not None:
             c, s = np.cos(scans.best[:, 2]), np.sin(scans.best[:, 2])
             x, y = scans.correction[:, 0], scans.correction[:, 1]
@@ -134,9 +134,11 @@ class Drawing:
     def _send_poses(self, row: Entity, scans: ScanBatch, poses: Array) -> None:
         self._send(row, scans, archetypes.pose_columns(poses, row.z))
 
-    def _send_trail(self, row: Entity, scans: ScanBatch, poses: Array) -> None:
+    def _send_trail(
+        self, row: Entity, scans: ScanBatch, poses: Array, revised: Sequence[Points | None] | None = None
+    ) -> None:
         trail = self._trails.setdefault(row, Trail(len(self.recording)))
-        finished, open_strips = trail.extend(poses)
+        finished, open_strips = trail.extend(poses, revised)
         done, latest = row.visible(self.run)
         self._send_rows(latest, scans.index, scans.time, archetypes.strip_columns(open_strips, row.z))
         if finished:

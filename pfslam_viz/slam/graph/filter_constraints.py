@@ -10,6 +10,7 @@ direction by direction.
 import numpy as np
 from numpy.typing import NDArray
 
+from pfslam_viz import geometry
 from pfslam_viz.slam.graph.pose_graph import Constraints
 from pfslam_viz.slam.graph.scan_store import ScanStore
 from pfslam_viz.slam.graph.settings import FilterConstraintsConfig
@@ -32,6 +33,22 @@ def filter_constraints(
     told = np.flatnonzero(known.any(axis=(1, 2)))
     at = joints[told]
     return Constraints(at, at + 1, measured[told], information[told], np.ones(len(at), np.bool_))
+
+
+def heading_spans(increments: Array, config: FilterConstraintsConfig) -> list[Constraints]:
+    """How far the filter says that the robot turned over many key scans, as robust constraints.
+
+    Spans that overlap tell the same, so each counts for less.
+    """
+    poses = geometry.accumulate(np.vstack([np.zeros(3), increments]))
+    parts = []
+    for span in config.spans:
+        start = np.arange(len(poses) - span)
+        information = np.zeros((len(start), 3, 3))
+        information[:, 2, 2] = config.span_angle**-2.0 / span
+        measured = geometry.between(poses[start], poses[start + span])
+        parts.append(Constraints(start, start + span, measured, information, np.ones(len(start), np.bool_)))
+    return parts
 
 
 def walls_of(scans: ScanStore, key: int, config: FilterConstraintsConfig) -> Array:

@@ -37,6 +37,7 @@ class Reviser:
         self._matched = NOTHING  # all neighbours, as they were matched when they came
         self._closures = NOTHING  # recognised places that nothing has confirmed yet
         self._deviation, self._measured = np.zeros(2), 0  # of a match, and how many matches told it
+        self._held, self._chosen = False, 0  # whether the filter's headings are held, and at how many key scans it was chosen
         self.closed: Indices = np.zeros((0, 2), np.int64)  # pairs of key scans whose loops were closed
 
     def is_due(self, count: int) -> bool:
@@ -60,6 +61,11 @@ class Reviser:
         self._last = n
         gates = np.array(self.config.smoothing.gates)
         smoother.learn_errors(poses)
+        if n > (1.0 + c.regular_share) * self._chosen:
+            self._chosen = n
+            smoother.choose_held(poses)
+            self._held = smoother.held
+        smoother.held = self._held
         revised, support = smoother.relax(poses, gates)
         revised, _, joined = smoother.close_best(revised, support, loops)
         if len(joined):

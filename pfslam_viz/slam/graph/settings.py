@@ -74,6 +74,9 @@ class FilterConstraintsConfig(Section):
 
     least_angle: float = setting(0.005, "error of the heading at least ...", "rad", gt=0)
     noise_angle: float = setting(0.02, "... and so much more per rad turned", gt=0)
+    spans: tuple[Hop, ...] = setting((15, 60), "key scans over which its heading is held, if the scans prefer that")
+    span_angle: float = setting(0.003, "error of the heading over such a span", "rad", gt=0)
+    sure: float = setting(2.0, "standard errors from which they do")
     least_distance: float = setting(0.1, "error of the position across walls at least ...", "m", gt=0)
     noise_distance: float = setting(0.05, "... and so much more per m driven", gt=0)
     least_share: float = setting(0.1, "share of the walls below which an increment says nothing along them", ge=0, lt=1)
@@ -175,6 +178,8 @@ class EvidenceConfig(Section):
     margin: float = setting(0.25, "before the end of a beam, from which it has crossed a point ...", "m", ge=0)
     margin_share: float = setting(0.03, "... and so much more per m of range", ge=0)
     crossed: float = setting(1.0, "what an end point in the open speaks against, one on a wall for with 1", ge=0)
+    alike_distance: float = setting(0.002, "a pair that both trajectories put alike to so much ...", "m", ge=0)
+    alike_angle: float = setting(0.0005, "... and so much says nothing", "rad", ge=0)
     least_told: float = setting(0.1, "share of end points with something to say from which a pair counts", ge=0, le=1)
     block: int = setting(20, "successive key scans, whose evidence is not independent", ge=1)
     sure: float = setting(1.0, "standard errors from which a loop is closed on their word", ge=0)

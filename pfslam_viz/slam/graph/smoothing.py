@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pfslam_viz import geometry
 from pfslam_viz.slam.graph.drift import Drift, joint_deviations, match_deviation, spanned
 from pfslam_viz.slam.graph.evidence import compare
-from pfslam_viz.slam.graph.filter_constraints import filter_constraints
+from pfslam_viz.slam.graph.filter_constraints import filter_constraints, heading_spans
 from pfslam_viz.slam.graph.loop_closing import find_loops
 from pfslam_viz.slam.graph.odometry_errors import OdometryErrors
 from pfslam_viz.slam.graph.pose_graph import Constraints, optimize, residuals, turned, weights
@@ -47,6 +47,7 @@ class Smoother:
         self._odometry, self._found = odometry, found
         self._unknown = np.zeros_like(odometry) if unknown is None else unknown
         self._errors = OdometryErrors(config.odometry)
+        self.held = False  # whether the filter's headings over long spans are held
 
     def smooth(self, poses: Array) -> Smoothed:
         """The key poses that agree best with all matches between neighbouring key scans and with the odometry.
@@ -59,6 +60,7 @@ class Smoother:
         gates = np.array(self.config.gates)
         poses, _ = self.relax(poses, np.array(self.config.first_gates))
         self.learn_errors(poses)
+        self.choose_held(poses)
         poses, support = self.relax(poses, gates)
         if self.loops.enabled:
             for _ in range(self.loops.searches):
@@ -96,7 +98,26 @@ class Smoother:
         motion = odometry_constraints(self._odometry, self.config, self._errors, bridged, self._unknown)
         motion = hold_together(poses, motion, self.config.scale)
         alone = np.flatnonzero(~bridged)  # elsewhere the filter's say would count the same scans twice
-        return [motion, filter_constraints(self.scans, self._found, alone, self._settings.filter_constraints)]
+        c = self._settings.filter_constraints
+        spans = heading_spans(self._found, c) if self.held else []
+        return [motion, filter_constraints(self.scans, self._found, alone, c), *spans]
+
+    def choose_held(self, poses: Array) -> None:
+        """Decide whether to hold the headings that the filter found over long spans.
+
+        Errors of matches between neighbours that are alike (a lidar whose ranges are off bends every wall the same way)
+        add up along the way; those of matches with the map do not, as long as the same walls are in view. Elsewhere the
+        neighbours are the better witness. Scans that were not matched with each other tell which it is.
+        """
+        gates = np.array(self.config.gates)
+        matched = match(self.scans, poses, neighbouring(poses, self.config), gates, self.config)
+        graphs = []
+        for held in (False, True):
+            self.held = held
+            constraints = Constraints.join([*self._driven(poses, matched), matched])
+            graphs.append(self._optimize(poses, constraints, self.config.iterations))
+        verdict = compare(self.scans, graphs[1], graphs[0], self._settings.evidence)
+        self.held = verdict.sigmas > self._settings.filter_constraints.sure
 
     def learn_errors(self, poses: Array) -> None:
         """Find the wheels' scale and the odometry's noise from all successive key scans that can tell.
