@@ -5,8 +5,19 @@ from importlib import import_module
 
 from benchmarks import machine
 
-NAMES = ("speed", "scaling", "memory", "recording", "startup", "logging", "accuracy", "yardstick", "report")
-TELL_THEMSELVES = ("accuracy", "report")  # on what machine they ran
+NAMES = (
+    "speed",
+    "scaling",
+    "memory",
+    "recording",
+    "startup",
+    "logging",
+    "accuracy",
+    "yardstick",
+    "report",
+    "contact-sheet",
+)
+TELL_THEMSELVES = ("accuracy", "report", "contact-sheet")  # on what machine they ran, or need not
 
 
 def main() -> None:
@@ -18,7 +29,7 @@ def main() -> None:
         sys.exit(f"no benchmark is called '{name}'; there are {', '.join(NAMES)}")
     if name not in TELL_THEMSELVES and not {"-h", "--help"} & set(arguments):
         print(machine.describe(), "\n")
-    import_module(f"benchmarks.{name}").main(arguments)
+    import_module(f"benchmarks.{name.replace('-', '_')}").main(arguments)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
-from pfslam_viz.viewer import entities
+from pfslam_viz.viewer import colors
 
 if TYPE_CHECKING:
     from pfslam_viz.texture.floor_texture import FloorTexture
@@ -16,10 +16,10 @@ Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 Color = tuple[int, int, int]  # RGB
 
-DEAD_RECKONING: Color = entities.DEAD_RECKONING
-FILTER: Color = entities.FILTER
-TRUTH: Color = entities.TRUTH
-PARTICLES: Color = entities.MISS  # one colour that stands out from the path; the viewer colours them by weight
+DEAD_RECKONING: Color = colors.DEAD_RECKONING
+FILTER: Color = colors.FILTER
+TRUTH: Color = colors.TRUTH
+PARTICLES: Color = colors.MISS  # one colour that stands out from the path; the viewer colours them by weight
 FREE: Color = (255, 255, 255)
 UNKNOWN: Color = (206, 210, 216)
 WALL: Color = (28, 30, 36)

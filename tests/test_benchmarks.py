@@ -12,7 +12,7 @@ from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 
 pytest.importorskip("benchmarks", reason="needs the checkout on the path: run python -m pytest in its folder")
 
-from benchmarks import case
+from benchmarks import case, contact_sheet
 from benchmarks.literal_filter import LiteralFilter, LiteralMap
 
 ANGLES = np.radians(np.linspace(-135, 135, 271))
@@ -76,3 +76,20 @@ def test_a_case_measures_what_it_says(monkeypatch: pytest.MonkeyPatch, name: str
     assert ("log" in numbers["phases"]) == (numbers["file_mb"] is not None) == (name == "pfslam")
     assert 50 < numbers["peak_mb"] < 4000
     assert case.Case(**asdict(settings)) == settings
+
+
+def test_a_contact_sheet_holds_all_pictures_and_stays_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Five of 160 x 90 pixels, of one colour each: three rows of two, the last tile empty."""
+    shots = [(f"{k}", np.full((90, 160, 3), 40 * k, np.uint8)) for k in range(1, 6)]
+    sheet = contact_sheet.tiled(shots)
+    height = round(contact_sheet.TILE * 90 / 160)
+    high = height + contact_sheet.TITLE + contact_sheet.MARGIN
+    assert sheet.shape == (3 * high, 2 * (contact_sheet.TILE + 2 * contact_sheet.MARGIN), 3)
+    middles = [sheet[(k // 2) * high + high // 2, (k % 2 * 2 + 1) * sheet.shape[1] // 4] for k in range(6)]
+    assert [int(color[0]) for color in middles] == [40, 80, 120, 160, 200, 255]
+    noise = np.random.default_rng(0).integers(0, 256, (90, 160, 3)).astype(np.uint8)
+    path = tmp_path / "images" / "noise.webp"
+    best = contact_sheet.write_small(noise, path)
+    assert best == path.stat().st_size
+    monkeypatch.setattr(contact_sheet, "MOST_BYTES", best - 1)
+    assert 0 < contact_sheet.write_small(noise, path) < best

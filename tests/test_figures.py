@@ -18,7 +18,7 @@ from pfslam_viz.recordings.recording import Lidar, Recording
 from pfslam_viz.settings import MapConfig
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.slam.paper.settings import PaperConfig
-from pfslam_viz.viewer import entities
+from pfslam_viz.viewer import colors
 
 
 @dataclass
@@ -119,7 +119,7 @@ def test_wrong_use_is_one_line(recording: Recording, tmp_path: Path) -> None:
 
 def test_colors_are_the_viewers() -> None:
     for name in ("DEAD_RECKONING", "FILTER", "TRUTH"):
-        assert getattr(figures_layers, name) == getattr(entities, name)
+        assert getattr(figures_layers, name) == getattr(colors, name)
 
 
 def test_without_matplotlib_it_is_said_what_to_install(

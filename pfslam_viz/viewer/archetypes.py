@@ -8,9 +8,10 @@ import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
-from pfslam_viz.viewer.contents import Boxes, Cells, Content, Lines, Note
-from pfslam_viz.viewer.entities import WEIGHT_RAMP
+from pfslam_viz.viewer.colors import ERROR_RAMP, WEIGHT_RAMP, Color
+from pfslam_viz.viewer.contents import Boxes, Cells, Content, Lines, Note, Spots
 from pfslam_viz.viewer.scan_batch import Ragged, ScanBatch, stride
+from pfslam_viz.viewer.trail import level_pieces
 
 Array = NDArray[np.float64]
 Points = NDArray[np.float32]
@@ -41,7 +42,12 @@ def point_columns(points: Ragged, z: float) -> Any:
     return rr.Points3D.columns(positions=positions).partition(points.lengths)
 
 
-_RAMP = np.array([(r << 24) | (g << 16) | (b << 8) | 255 for r, g, b in WEIGHT_RAMP], np.uint32)
+def packed(colors: Sequence[Color]) -> NDArray[np.uint32]:
+    """Colours as Rerun stores them, opaque."""
+    return np.array([(r << 24) | (g << 16) | (b << 8) | 255 for r, g, b in colors], np.uint32)
+
+
+_RAMP, _ERROR_RAMP = packed(WEIGHT_RAMP), packed(ERROR_RAMP)
 
 
 def particle_columns(scans: ScanBatch, most: int, z: float) -> tuple[Any, Any]:
@@ -86,8 +92,11 @@ def _by_weight(weights: Points, most: int) -> NDArray[np.intp]:
     return order[::-1][:: stride(len(order), most)][::-1]
 
 
-def line_columns(groups: Sequence[Strips], z: float) -> Any:
-    """Some polylines a row, at height ``z``. Rerun's own conversion of one strip at a time is slow."""
+def line_columns(groups: Sequence[Strips], z: float, colors: NDArray[np.uint32] | None = None) -> Any:
+    """Some polylines a row, at height ``z``, of a colour each if ``colors`` are given for all of them.
+
+    Rerun's own conversion of one strip at a time is slow.
+    """
     data_type = rr.components.LineStrip3DBatch._ARROW_DATATYPE
     points, lengths = [np.zeros((0, 2), np.float32)], [0]
     for group in groups:
@@ -100,12 +109,19 @@ def line_columns(groups: Sequence[Strips], z: float) -> Any:
     flat = lifted(np.concatenate(points), z)
     inner = pa.FixedSizeListArray.from_arrays(pa.array(flat.ravel()), type=data_type.value_type)
     strips = pa.ListArray.from_arrays(pa.array(np.cumsum(lengths).astype(np.int32)), inner, type=data_type)
-    return rr.LineStrips3D.columns(strips=strips).partition([len(group) for group in groups])
+    return rr.LineStrips3D.columns(strips=strips, colors=colors).partition([len(group) for group in groups])
 
 
 def strip_columns(values: Sequence[Any], z: float) -> Any:
     """A polyline (m, 2) a row; none where m is 0."""
     return line_columns([[v] if len(v) else [] for v in values], z)
+
+
+def error_columns(values: Sequence[Points], z: float) -> Any:
+    """A trajectory (m, 3) a row: x, y and the level of the error there, in ERROR_RAMP, that the way to it shows."""
+    pieces = [level_pieces(v) for v in values]
+    levels = np.array([level for row in pieces for _, level in row], np.intp)
+    return line_columns([[strip for strip, _ in row] for row in pieces], z, _ERROR_RAMP[levels])
 
 
 def pose_columns(poses: Array, z: float) -> Any:
@@ -136,6 +152,13 @@ def arrow_columns(origins: Array, vectors: Array, z: float) -> Any:
     return rr.Arrows3D.columns(origins=lifted(origins, z), vectors=lifted(vectors, 0.0))
 
 
+def pointer_columns(origins: Array, vectors: Array, labels: Sequence[str], shown: NDArray[np.bool_], z: float) -> Any:
+    """An arrow with its label in the rows that are ``shown`` (n,), none in the others: origins and vectors (n, 2)."""
+    kept = [label for label, show in zip(labels, shown, strict=True) if show]
+    starts, arrows = lifted(origins[shown], z), lifted(vectors[shown], 0.0)
+    return rr.Arrows3D.columns(origins=starts, vectors=arrows, labels=kept).partition(shown.astype(int))
+
+
 def scalar_columns(values: Any) -> Any:
     """A number a row, for plots."""
     return rr.Scalars.columns(scalars=np.asarray(values, np.float64))
@@ -150,7 +173,12 @@ def content_columns(contents: Sequence[Content]) -> Any:
         centers, half_sizes = np.concatenate([r.centers for r in rows]), np.concatenate([r.half_sizes for r in rows])
         return rr.Boxes3D.columns(centers=centers, half_sizes=half_sizes).partition([len(r.centers) for r in rows])
     if isinstance(rows[0], Lines):
-        return line_columns([r.strips for r in rows], rows[0].z)
+        colored = [ERROR_RAMP[level] for r in rows for level in r.levels]
+        return line_columns([r.strips for r in rows], rows[0].z, packed(colored) if colored else None)
+    if isinstance(rows[0], Spots):
+        points, lengths = np.concatenate([r.points for r in rows]), [len(r.points) for r in rows]
+        labels = [label for r in rows for label in r.labels] or None
+        return rr.Points3D.columns(positions=lifted(points, rows[0].z), labels=labels).partition(lengths)
     if isinstance(rows[0], Note):
         return rr.TextLog.columns(text=[r.text for r in rows], level=[r.level for r in rows])
     types = ["image/jpeg"] * len(rows)

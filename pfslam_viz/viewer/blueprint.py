@@ -1,4 +1,4 @@
-"""The layout: the tabs Compare, Filter, Texture, 3-D and About."""
+"""The layout: the tabs Compare, Filter, Error, Texture, 3-D and About."""
 
 from collections.abc import Sequence
 
@@ -7,34 +7,41 @@ from rerun import Points3D, Radius
 
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.viewer import entities
-from pfslam_viz.viewer.entities import ENTITIES, Kind, View
-from pfslam_viz.viewer.framing import Framing, eye_on, overhead_size
+from pfslam_viz.viewer.entities import ENTITIES, Entity, Kind, View
+from pfslam_viz.viewer.framing import WINDOW, Framing, eye_on, overhead_size
 from pfslam_viz.viewer.style import CLOSE_UP, FOLLOW_HEIGHT, LOUPE, scale_bar_path
 
 LONGEST = 60.0  # s that a replay takes at most, however long the recording
 SPEED_UP = 2.0  # times real time, unless that takes longer
-MAPS_IN_A_ROW = 3
+IN_A_ROW = 3
+WIDEST = 2.0  # width by height of all views in a row, in a window of 1280 x 720 pixels or wider
 
 BACKGROUND = (112, 137, 134)
 """What the viewer draws unknown cells in: a view looks the same inside and outside the map."""
 
 
-def blueprint(recording: Recording, framing: Framing, runs: Sequence[str], live: bool = False) -> rrb.Blueprint:
-    """The layout for one run, or for several that are compared side by side.
+def blueprint(
+    recording: Recording, framing: Framing, runs: Sequence[str], particles: int, live: bool = False
+) -> rrb.Blueprint:
+    """The layout for one run, of so many ``particles``, or for several that are compared side by side.
 
     ``live`` follows the newest scan; otherwise the recording plays from its start, a two-minute one in one minute.
     """
     seconds = min(max(recording.duration, 1.0) / SPEED_UP, LONGEST)
     several = len(runs) > 1
     tabs: list[rrb.Container | rrb.View] = [
-        _compare(runs, recording, framing),
-        _filter(runs, recording),
+        _compare(runs, recording, framing, particles),
+        _filter(runs, recording, particles),
     ]
+    if recording.truth is not None:
+        tabs.append(_error(runs, recording, framing))
     if recording.frames is not None:
-        tabs.append(_each("Texture", [_texture(run, several, framing) for run in runs]))
-    tabs.append(_each("3-D", [_three_d(run, several, framing) for run in runs]))
+        tabs.append(_texture(runs, framing))
+    window = min(WINDOW, WIDEST / len(runs)) if len(runs) <= IN_A_ROW else WINDOW
+    spaces = [_three_d(run, several, framing, window) for run in runs]
+    tabs.append(_in_rows(spaces, name="3-D") if several else spaces[0])
     return rrb.Blueprint(
-        rrb.Tabs(*tabs, _pages(), active_tab=0),
+        rrb.Tabs(*tabs, _pages(several), active_tab=0),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(
@@ -48,9 +55,11 @@ def blueprint(recording: Recording, framing: Framing, runs: Sequence[str], live:
     )
 
 
-def _each(name: str, parts: Sequence[rrb.Container | rrb.View]) -> rrb.Container | rrb.View:
-    """The one run's part, or the runs' parts as tabs."""
-    return parts[0] if len(parts) == 1 else rrb.Tabs(*parts, name=name)
+def _in_rows(parts: Sequence[rrb.Container | rrb.View], name: str | None = None) -> rrb.Container:
+    """Views beside each other, in two columns where they are too many for one row."""
+    if len(parts) <= IN_A_ROW:
+        return rrb.Horizontal(*parts, name=name)
+    return rrb.Grid(*parts, grid_columns=2, name=name)
 
 
 def _overhead(origin: str, aspect: float, name: str, contents: list[str], **more: object) -> rrb.Spatial2DView:
@@ -76,34 +85,52 @@ def contents(view: View, run: str, *owners: str, more: Sequence[str] = ()) -> li
     return [f"+ /{path}" for path in [*found, *more]]
 
 
-def _compare(runs: Sequence[str], recording: Recording, framing: Framing) -> rrb.Container:
-    reckoned = contents(View.COMPARE, "", "dead_reckoning", "truth", more=[entities.SCALE_BAR])
-    maps = [_overhead(entities.OVERVIEW, framing.aspect, "Dead reckoning: wheels and gyro alone", reckoned)]
-    for run in runs:
-        title = "Particle filter" if len(runs) == 1 else f"Particle filter: {run}"
-        shown = contents(View.COMPARE, run, "{run}", "truth", more=[entities.SCALE_BAR])
-        maps.append(_overhead(entities.OVERVIEW, framing.aspect, title, shown))
-    row = rrb.Horizontal(*maps) if len(maps) <= MAPS_IN_A_ROW else rrb.Grid(*maps, grid_columns=2)
-    plots = rrb.Horizontal(*_plots(View.COMPARE_PLOTS, recording, runs))
+def _maps(view: View, runs: Sequence[str], framing: Framing, titles: Sequence[str], *truth: str) -> rrb.Container:
+    """Dead reckoning's map and the runs' beside each other; ``truth`` is the owner "truth", if it is drawn there."""
+    more = [entities.SCALE_BAR]
+    more += [entities.ERROR_SCALE, f"{entities.ERROR_SCALE}/limits"] if view is View.ERROR else []
+    shown = [contents(view, "", "dead_reckoning", *truth, more=more)]
+    shown += [contents(view, run, "{run}", *truth, more=more) for run in runs]
+    return _in_rows([_overhead(entities.OVERVIEW, framing.aspect, *each) for each in zip(titles, shown, strict=True)])
+
+
+def _compare(runs: Sequence[str], recording: Recording, framing: Framing, particles: int) -> rrb.Container:
+    several = len(runs) > 1
+    titles = ["Dead reckoning" if several else "Dead reckoning: wheels and gyro alone"]
+    titles += [f"Particle filter: {run}" if several else "Particle filter" for run in runs]
+    row = _maps(View.COMPARE, runs, framing, titles, "truth")
+    plots = rrb.Horizontal(*_plots(View.COMPARE_PLOTS, recording, runs, particles))
     left = rrb.Vertical(row, plots, row_shares=[5, 2])
-    return rrb.Horizontal(left, _beside(runs), column_shares=[15, 4], name="Compare")
+    return rrb.Horizontal(left, _beside(runs), column_shares=[14, 4], name="Compare")
+
+
+def _error(runs: Sequence[str], recording: Recording, framing: Framing) -> rrb.Container:
+    """Where the trajectories err, by colour, and the filters' own errors over time, which dead reckoning's dwarf."""
+    titles = ["Dead reckoning by error", *(f"{run if len(runs) > 1 else 'Particle filter'} by error" for run in runs)]
+    row = _maps(View.ERROR, runs, framing, titles)
+    plots = rrb.Horizontal(*_plots(View.ERROR_PLOTS, recording, runs))
+    return rrb.Vertical(row, plots, row_shares=[2, 1], name="Error")
 
 
 def _beside(runs: Sequence[str]) -> rrb.Container:
-    """The legend, and the list of events without its least important ones."""
-    paths = [row.path(run) for row in ENTITIES if View.EVENTS in row.views for run in runs]
-    events = rrb.TextLogView(
-        origin="/events",
-        contents=[f"+ /{path}" for path in paths],
-        name="Events",
-        columns=rrb.TextLogColumns(timeline_columns=["step"], text_log_columns=[rrb.encodings.TextLogColumnKind.Body]),
-        rows=rrb.TextLogRows(filter_by_log_level=["INFO", "WARN"]),
-    )
+    """The legend, and a list of events for each run, without its least important ones."""
     legend = rrb.TextDocumentView(origin=f"/{entities.LEGEND}", name="Colours")
-    return rrb.Vertical(legend, events, row_shares=[1, 1])
+    lists = [
+        rrb.TextLogView(
+            origin="/events",
+            contents=[f"+ /{row.path(run)}" for row in ENTITIES if View.EVENTS in row.views],
+            name="Events" if len(runs) == 1 else f"Events: {run}",
+            columns=rrb.TextLogColumns(
+                timeline_columns=["step"], text_log_columns=[rrb.encodings.TextLogColumnKind.Body]
+            ),
+            rows=rrb.TextLogRows(filter_by_log_level=["INFO", "WARN"]),
+        )
+        for run in runs
+    ]
+    return rrb.Vertical(legend, *lists, row_shares=[1, *[1 / len(runs)] * len(runs)])
 
 
-def _plots(view: View, recording: Recording, runs: Sequence[str]) -> list[rrb.TimeSeriesView]:
+def _plots(view: View, recording: Recording, runs: Sequence[str], particles: int = 1) -> list[rrb.TimeSeriesView]:
     """The plots of a tab with these runs' curves; a legend where a plot has several."""
     boundary = rrb.TimeRangeBoundary.absolute
     whole = rrb.TimeRange(start=boundary(seq=0), end=boundary(seq=len(recording) - 1))
@@ -111,13 +138,15 @@ def _plots(view: View, recording: Recording, runs: Sequence[str]) -> list[rrb.Ti
     plots = []
     for first in curves:
         if first.title:
-            paths = dict.fromkeys(row.path(run) for row in curves if row.plot == first.plot for run in runs)
             share = first is entities.N_EFF and len(runs) > 1
+            most = (1 if share else particles) if first is entities.N_EFF else None
+            paths = dict.fromkeys(row.path(run) for row in curves if row.plot == first.plot for run in runs)
             plots.append(
                 rrb.TimeSeriesView(
                     origin=f"/plots/{first.plot}",
                     contents=[f"+ /{path}" for path in paths],
-                    name="N_eff as a share of the particles" if share else first.title,
+                    name=_plot_title(first, view, share),
+                    axis_y=rrb.ScalarAxis(range=(-0.03 * most, 1.05 * most)) if most else None,
                     axis_x=rrb.TimeAxis(link="Independent", view_range=whole),
                     plot_legend=rrb.PlotLegend(visible=False),  # it would cover the curves, whose colours are the maps'
                 )
@@ -125,40 +154,47 @@ def _plots(view: View, recording: Recording, runs: Sequence[str]) -> list[rrb.Ti
     return plots
 
 
-def _filter(runs: Sequence[str], recording: Recording) -> rrb.Container:
-    """What follows the robot: of one run side by side, of several the runs side by side."""
-    near = [_round_the_robot(run, len(runs) > 1) for run in runs]
-    plots = rrb.Horizontal(*_plots(View.FILTER_PLOTS, recording, runs))
-    if len(runs) == 1:
-        return rrb.Vertical(rrb.Horizontal(*near[0]), plots, row_shares=[5, 2], name="Filter")
-    rows = [rrb.Horizontal(*row) for row in zip(*near, strict=True)]
+def _plot_title(first: Entity, view: View, share: bool) -> str:
+    if view is View.ERROR_PLOTS:
+        return "Error of the filter alone (m)"
+    return f"{first.title}, share of N" if share else first.title
+
+
+def _filter(runs: Sequence[str], recording: Recording, particles: int) -> rrb.Container:
+    """What follows the robot, of several runs beside each other, and the curves with what their colours mean."""
+    close_ups, loupes = zip(*(_round_the_robot(run, len(runs) > 1) for run in runs), strict=True)
+    legend = rrb.TextDocumentView(origin=f"/{entities.FILTER_LEGEND}", name="Colours")
+    plots = rrb.Horizontal(*_plots(View.FILTER_PLOTS, recording, runs, particles), legend)
+    if len(runs) <= 2:
+        return rrb.Vertical(rrb.Horizontal(*close_ups, *loupes), plots, row_shares=[5, 2], name="Filter")
+    rows = [rrb.Horizontal(*views) for views in (close_ups, loupes)]
     return rrb.Vertical(*rows, plots, row_shares=[3, 3, 2], name="Filter")
 
 
 def _round_the_robot(run: str, several: bool) -> tuple[rrb.Spatial2DView, rrb.Spatial2DView]:
     """A few metres round the robot, and the particles."""
     follow = entities.FOLLOW.path(run)
-    whose = f"{run}: " if several else ""
     close_up = _overhead(
         f"{follow}/{CLOSE_UP}",
         1.0,
-        f"{whose}{'round' if several else 'Round'} the robot ({FOLLOW_HEIGHT:g} m)",
+        f"{run}: the robot ({FOLLOW_HEIGHT:g} m)" if several else f"Round the robot ({FOLLOW_HEIGHT:g} m)",
         contents(View.CLOSE_UP, run, "{run}", "truth", more=[scale_bar_path(run, CLOSE_UP)]),
     )
     loupe = _overhead(
         f"{follow}/{LOUPE}",
         1.0,
-        f"{whose}{'the' if several else 'The'} particles, coloured by weight",
+        f"{run}: particles" if several else "The particles, coloured by weight",
         contents(View.LOUPE, run, "{run}", "truth", more=[scale_bar_path(run, LOUPE)]),
         overrides={f"/{entities.PARTICLES.path(run)}": Points3D.from_fields(radii=Radius.ui_points(3.5))},
     )
     return close_up, loupe
 
 
-def _texture(run: str, several: bool, framing: Framing) -> rrb.Container:
+def _texture(runs: Sequence[str], framing: Framing) -> rrb.Container:
+    """Each run's floor, and the camera's images, which are the same for all."""
     images = rrb.Vertical(
         *(
-            rrb.Spatial2DView(origin=f"/{row.path(run)}", contents=["$origin"], name=name)
+            rrb.Spatial2DView(origin=f"/{row.path(runs[0])}", contents=["$origin"], name=name)
             for view, name in (
                 (View.COLOR_CAMERA, "Colour camera"),
                 (View.DEPTH_CAMERA, "Depth camera (bright is near)"),
@@ -167,18 +203,20 @@ def _texture(run: str, several: bool, framing: Framing) -> rrb.Container:
             if view in row.views
         )
     )
-    name = run if several else "Texture"
-    view = _overhead(
-        entities.OVERVIEW,
-        framing.aspect,
-        "Floor texture over the map",
-        contents(View.TEXTURE, run, "{run}", more=[entities.SCALE_BAR]),
-    )
-    return rrb.Horizontal(view, images, column_shares=[5, 2], name=name)
+    floors = [
+        _overhead(
+            entities.OVERVIEW,
+            framing.aspect,
+            "Floor texture over the map" if len(runs) == 1 else f"Floor: {run}",
+            contents(View.TEXTURE, run, "{run}", more=[entities.SCALE_BAR]),
+        )
+        for run in runs
+    ]
+    return rrb.Horizontal(_in_rows(floors), images, column_shares=[5, 2], name="Texture")
 
 
-def _three_d(run: str, several: bool, framing: Framing) -> rrb.Spatial3DView:
-    eye, target = eye_on(framing)
+def _three_d(run: str, several: bool, framing: Framing, window: float) -> rrb.Spatial3DView:
+    eye, target = eye_on(framing, window)
     return rrb.Spatial3DView(
         origin="/world",
         contents=contents(View.THREE_D, run, "{run}", "dead_reckoning", "truth"),
@@ -194,10 +232,11 @@ def _three_d(run: str, several: bool, framing: Framing) -> rrb.Spatial3DView:
     )
 
 
-def _pages() -> rrb.Container:
+def _pages(several: bool) -> rrb.Container:
+    """``several`` runs have a wide table of results."""
     return rrb.Horizontal(
         rrb.TextDocumentView(origin=f"/{entities.HELP}", name="What you see"),
         rrb.TextDocumentView(origin=f"/{entities.ABOUT}", name="This recording"),
-        column_shares=[3, 2],
+        column_shares=[1, 1] if several else [3, 2],
         name="About",
     )

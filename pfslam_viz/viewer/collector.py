@@ -20,10 +20,12 @@ from pfslam_viz.step import Step
 from pfslam_viz.viewer import contents, entities
 from pfslam_viz.viewer.ancestry import Ancestry
 from pfslam_viz.viewer.camera_images import CameraImages
-from pfslam_viz.viewer.contents import Content, Lines, Note, TimedContent
+from pfslam_viz.viewer.contents import Content, Lines, Note, Spots, TimedContent
 from pfslam_viz.viewer.entities import ONLY_RUN, Entity
 from pfslam_viz.viewer.events import Chronicle, Event
-from pfslam_viz.viewer.scan_batch import ScanBatch, ScanCopy, stride
+from pfslam_viz.viewer.marks import Marks
+from pfslam_viz.viewer.scan_batch import ScanBatch, ScanCopy, distance, error_levels, stride
+from pfslam_viz.viewer.trail import level_pieces
 
 if TYPE_CHECKING:
     from pfslam_viz.texture.floor_texture import FloorTexture
@@ -69,6 +71,8 @@ class Collector:
         self._lineages = contents.FrameBudget(n, 0, 0, every=LINEAGES_EVERY)
         self._ancestry = Ancestry()
         self._chronicle = Chronicle(recording, config)
+        self._marks = Marks.over(recording)
+        self._stamps = recording.stamps
         self._painted: FloorTexture | None = None
         span = (float(recording.stamps[0]) - 1.0, float(recording.stamps[-1]))
         self._camera = CameraImages(recording.frames, span, CAMERA_FRAMES)
@@ -85,7 +89,9 @@ class Collector:
     def add(self, step: Step) -> None:
         """Take a scan, and the contents that are due."""
         self._last = step
-        self._add_events(self._chronicle.add(step))
+        for event in self._chronicle.add(step):
+            self._add_event(event, step.estimate.best)
+        self._add_marks(self._marks.expired(step.index))
         maps_due = self._maps.is_due(step.index) or step.revision is not None
         if maps_due and self._shared:
             step.dead_reckoning_grid.catch_up()
@@ -119,9 +125,12 @@ class Collector:
         if result.texture is not None:
             self._add_texture(self._last, result.texture, always=True)
         painted_anew = self._painted is not None and result.texture is not self._painted
-        self._add_events(self._chronicle.finish(result, painted_anew))
+        for event in self._chronicle.finish(result, painted_anew):
+            self._add_event(event, result.online[event.step])
         if hindsight_differs(result):
             self._add_lines(entities.HINDSIGHT_TRAJECTORY, self._last, [result.estimate])
+            if result.truth is not None:
+                self._add_settled_error(self._last, result.estimate, result.truth)
         if result.closures:
             pairs = [np.stack([c.earlier_position, c.later_position]) for c in result.closures]
             self._add_lines(entities.CLOSURES, self._last, pairs)
@@ -159,9 +168,23 @@ class Collector:
     def _add(self, row: Entity, step: Step, content: Content) -> None:
         self._contents.append(TimedContent(row.path(self._run), step.index, step.time, content))
 
-    def _add_events(self, events: Iterable[Event]) -> None:
-        path, whose = entities.EVENTS.path(self._run), "" if self._run == ONLY_RUN else f"{self._run} "
-        self._contents += [TimedContent(path, e.step, e.seconds, Note(whose + e.line, e.level)) for e in events]
+    def _add_event(self, event: Event, pose: Array) -> None:
+        """Its line in the list, and its marks on the maps."""
+        note = Note(event.line, event.level)
+        self._contents.append(TimedContent(entities.EVENTS.path(self._run), event.step, event.seconds, note))
+        if self._last is not None:
+            self._add_marks(self._marks.of(event, pose, self._last.index))
+
+    def _add_marks(self, marks: Iterable[tuple[Entity, int, Spots]]) -> None:
+        for row, step, spots in marks:
+            seconds = float(self._stamps[step] - self._stamps[0])
+            self._contents.append(TimedContent(row.path(self._run), step, seconds, spots))
+
+    def _add_settled_error(self, step: Step, estimate: Array, truth: Array) -> None:
+        levels = error_levels(distance(estimate, truth))
+        pieces = level_pieces(np.column_stack([estimate[:, :2], levels]).astype(np.float32))
+        lines = Lines([strip for strip, _ in pieces], entities.SETTLED_ERROR.z, [level for _, level in pieces])
+        self._add(entities.SETTLED_ERROR, step, lines)
 
     def _add_lines(self, row: Entity, step: Step, lines: Sequence[Array]) -> None:
         self._add(row, step, Lines([line[:, :2].astype(np.float32) for line in lines], row.z))

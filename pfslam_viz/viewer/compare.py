@@ -9,7 +9,7 @@ from pfslam_viz.errors import InputError
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.replay import Replay, Result
 from pfslam_viz.step import Step
-from pfslam_viz.viewer import entities
+from pfslam_viz.viewer import colors
 from pfslam_viz.viewer.collector import Collector, StreamOptions
 from pfslam_viz.viewer.drawing import Drawing, send_scene
 from pfslam_viz.viewer.framing import Framing, aspect_of
@@ -47,13 +47,13 @@ def compare(
     ends all runs there. Returns a Result for each configuration. Raises InputError for more configurations than there
     are colours.
     """
-    if len(configs) > len(entities.RUNS):
-        raise InputError(f"{len(configs)} configurations: at most {len(entities.RUNS)} can be told apart by colour")
+    if len(configs) > len(colors.RUNS):
+        raise InputError(f"{len(configs)} configurations: at most {len(colors.RUNS)} can be told apart by colour")
     names = run_names(configs)
     panels = len(names) + 1
     options = options or StreamOptions()
     drawings, streams = [], []
-    for index, (config, name, color) in enumerate(zip(configs, names, entities.run_colors(configs), strict=True)):
+    for index, (config, name, color) in enumerate(zip(configs, names, colors.run_colors(configs), strict=True)):
         shared = index == 0
         drawing = Drawing(
             recording, config, sink, options.max_particles, run=name, color=color, shared=shared, relative=True

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 UNKNOWN = 255  # as in ROS: 0 is free, 100 occupied
 IMAGE_SCALE = 2  # camera images are reduced by this
 FARTHEST_DISPARITY = 1100  # raw; the formula has no depth beyond
+GAPS = ((0.6, 20), (0.25, 6))  # m: gaps between rays that are drawn as free, but for a tint, as Rerun counts
 WALL_HEIGHT = 0.6  # m: low enough to look over
 _LEVELS = 120  # of shade()'s 128 to either side: for one observation of the kind that counts more
 
@@ -50,10 +51,20 @@ class Boxes:
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """Polylines (m, 2) each, or (k, m, 2) for all of them, at height ``z`` m."""
+    """Polylines (m, 2) each, or (k, m, 2) for all of them, at height ``z`` m; ``levels`` of error, if they have any."""
 
     strips: Sequence[NDArray[np.float32]] | NDArray[np.float32]
     z: float
+    levels: Sequence[int] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Spots:
+    """Points (n, 2) on the floor, m, at height ``z``, and what is written beside each, if anything is."""
+
+    points: NDArray[np.float32]
+    z: float
+    labels: Sequence[str] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +82,7 @@ class Note:
     level: str
 
 
-Content = Cells | Boxes | Lines | Jpeg | Note
+Content = Cells | Boxes | Lines | Spots | Jpeg | Note
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,9 +150,16 @@ def occupancy(log_odds: NDArray[np.float32], hit: float, miss: float) -> tuple[N
 
 
 def grid_map(grid: OccupancyGrid) -> Cells:
-    """The known part of the grid. Row 0 is the top in both."""
+    """The known part of the grid. Row 0 is the top in both.
+
+    Gaps between free cells are pale, narrow ones nearly white: a room that a few scans saw looks like one that many
+    did, whose rays lie closer. A drawing: the grid, and the exported map, keep them unknown.
+    """
     cells, rows, columns = occupancy(grid.log_odds, grid.config.log_odds_hit, grid.config.log_odds_miss)
-    return _placed(cells, grid, rows, columns, MAP.z)
+    drawn = cells
+    for gap, tint in GAPS:
+        drawn = kernels.bridge(cells, drawn, round(gap / grid.cell), 50, UNKNOWN, tint)
+    return _placed(drawn, grid, rows, columns, MAP.z)
 
 
 def _slices(box: NDArray[np.int64]) -> tuple[slice, slice]:

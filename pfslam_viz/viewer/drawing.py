@@ -1,6 +1,6 @@
 """Collected scans and contents as entities of a Rerun recording. Draws what they hold and estimates nothing."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,12 +11,13 @@ from pfslam_viz.config import Config
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.replay import Result
 from pfslam_viz.robot import CameraGeometry
-from pfslam_viz.viewer import archetypes, entities, pages, style
+from pfslam_viz.viewer import archetypes, colors, entities, pages, style
 from pfslam_viz.viewer.blueprint import blueprint
+from pfslam_viz.viewer.colors import Color
 from pfslam_viz.viewer.contents import Cells, TimedContent
-from pfslam_viz.viewer.entities import ONLY_RUN, RUN_CURVES, Color, Entity
-from pfslam_viz.viewer.framing import Framing
-from pfslam_viz.viewer.scan_batch import ScanBatch
+from pfslam_viz.viewer.entities import ONLY_RUN, RUN_CURVES, Entity
+from pfslam_viz.viewer.framing import Framing, out_of_view
+from pfslam_viz.viewer.scan_batch import ScanBatch, distance, error_levels
 from pfslam_viz.viewer.sinks import Sink
 from pfslam_viz.viewer.trail import Points, Trail
 
@@ -48,7 +49,7 @@ class Drawing:
         max_particles: int,
         *,
         run: str = ONLY_RUN,
-        color: Color = entities.FILTER,
+        color: Color = colors.FILTER,
         shared: bool = True,
         relative: bool = False,
     ) -> None:
@@ -86,6 +87,17 @@ class Drawing:
         if framing is not None:
             send_scene([self], framing, left_out, [result])
 
+    def point_out(self, framing: Framing, result: Result) -> None:
+        """Say where dead reckoning is while it is outside of the picture; of the run that draws what is shared."""
+        if not self._shared or not len(result.stamps):
+            return
+        rows, pointers = out_of_view(framing, result.dead_reckoning)
+        seconds = result.stamps[rows] - self.recording.stamps[0]
+        labels = [f"{far:.0f} m" for far in pointers.beyond]
+        z = entities.OUT_OF_VIEW.z
+        columns = archetypes.pointer_columns(pointers.origins, pointers.vectors, labels, pointers.beyond > 0, z)
+        self._send_rows(entities.OUT_OF_VIEW.path(self.run), rows, seconds, columns)
+
     # Batches of scans ------------------------------------------------------------------------------------------------
 
     def _send(self, row: Entity, scans: ScanBatch, columns: Any) -> None:
@@ -108,6 +120,8 @@ class Drawing:
         self._send(entities.COVARIANCE, scans, ellipses)
         self._send(entities.FOLLOW, scans, archetypes.position_columns(scans.best, entities.FOLLOW.z))
         self._send_trail(entities.TRAJECTORY, scans, scans.best, scans.revised)
+        if scans.truth is not None:
+            self._send_error_trail(entities.ERROR_TRAJECTORY, scans, scans.best, scans.truth)
         if scans.correction is not None:
             c, s = np.cos(scans.best[:, 2]), np.sin(scans.best[:, 2])
             x, y = scans.correction[:, 0], scans.correction[:, 1]
@@ -128,7 +142,8 @@ class Drawing:
         if scans.truth is not None:
             self._send_poses(entities.TRUE_ROBOT, scans, scans.truth)
             self._send_trail(entities.TRUE_TRAJECTORY, scans, scans.truth)
-            error = archetypes.scalar_columns(_distance(scans.dead_reckoning, scans.truth))
+            self._send_error_trail(entities.RECKONED_ERROR_TRAJECTORY, scans, scans.dead_reckoning, scans.truth)
+            error = archetypes.scalar_columns(distance(scans.dead_reckoning, scans.truth))
             self._send(entities.RECKONED_ERROR, scans, error)
 
     def _send_poses(self, row: Entity, scans: ScanBatch, poses: Array) -> None:
@@ -137,31 +152,44 @@ class Drawing:
     def _send_trail(
         self, row: Entity, scans: ScanBatch, poses: Array, revised: Sequence[Points | None] | None = None
     ) -> None:
-        trail = self._trails.setdefault(row, Trail(len(self.recording)))
-        finished, open_strips = trail.extend(poses, revised)
+        self._extend_trail(row, scans, poses[:, :2], archetypes.strip_columns, revised)
+
+    def _send_error_trail(self, row: Entity, scans: ScanBatch, poses: Array, truth: Array) -> None:
+        levels = error_levels(distance(poses, truth))
+        self._extend_trail(row, scans, np.column_stack([poses[:, :2], levels]), archetypes.error_columns)
+
+    def _extend_trail(
+        self,
+        row: Entity,
+        scans: ScanBatch,
+        points: Array,
+        columns: Callable[..., Any],
+        revised: Sequence[Points | None] | None = None,
+    ) -> None:
+        trail = self._trails.setdefault(row, Trail(len(self.recording), points.shape[1]))
+        finished, open_strips = trail.extend(points, revised)
         done, latest = row.visible(self.run)
-        self._send_rows(latest, scans.index, scans.time, archetypes.strip_columns(open_strips, row.z))
+        self._send_rows(latest, scans.index, scans.time, columns(open_strips, row.z))
         if finished:
             rows = [k for k, _ in finished]
-            columns = archetypes.strip_columns([strip for _, strip in finished], row.z)
-            self._send_rows(done, scans.index[rows], scans.time[rows], columns)
+            self._send_rows(done, scans.index[rows], scans.time[rows], columns([s for _, s in finished], row.z))
 
     def _draw_plots(self, scans: ScanBatch) -> None:
         curves: dict[str, Any] = {
             **scans.curves,
-            "drift": _distance(scans.best, scans.dead_reckoning),
+            "drift": distance(scans.best, scans.dead_reckoning),
             "heading_drift": self._heading_drift(scans),
             "spread": np.sqrt(np.maximum(np.trace(scans.covariance, axis1=1, axis2=2), 0.0)),
         }
         self._spreads = np.concatenate([self._spreads, curves["spread"]])
         if scans.truth is not None:
-            curves["error"] = _distance(scans.best, scans.truth)
+            curves["error"] = distance(scans.best, scans.truth)
         particles = scans.weights.lengths if self._relative else np.ones(len(scans))
         curves["n_eff"] = curves["n_eff"] / particles
         for name, values in curves.items():
             self._send(RUN_CURVES[name], scans, archetypes.scalar_columns(values))
         if self.config.resampling.policy == "n_eff":  # marks at every scan would say nothing
-            self._send_some(entities.RESAMPLED, scans, np.flatnonzero(scans.resampled), curves["n_eff"])
+            self._send_some(entities.RESAMPLED, scans, np.flatnonzero(scans.resampled), np.zeros(len(scans)))
             limits = self.config.resampling.threshold * scans.weights.lengths / particles
             ends = np.unique([0, len(scans) - 1])  # of a straight line
             self._send_some(entities.N_EFF_LIMIT, scans, ends, limits)
@@ -189,12 +217,6 @@ class Drawing:
             self._send_rows(path, [p.step for p in some], [p.seconds for p in some], columns)
 
 
-def _distance(some: Array, others: Array) -> Array:
-    """How far poses (n, 3) are from others, m."""
-    apart = some[:, :2] - others[:, :2]
-    return np.hypot(apart[:, 0], apart[:, 1])
-
-
 def _camera(recording: Recording, config: Config) -> CameraGeometry | None:
     """The camera that the floor was painted with; the robot file's where none is painted."""
     if recording.frames is None:
@@ -220,14 +242,18 @@ def send_scene(
     """
     final = left_out is not None
     sink, recording = drawings[0].sink, drawings[0].recording
-    style.log_framing(sink, framing)
+    style.log_framing(sink, framing, recording.truth is not None)
+    if results:
+        drawings[0].point_out(framing, results[0])
     names = [drawing.run for drawing in drawings]
     colors = {drawing.run: drawing.color for drawing in drawings}
     logged = {path for drawing in drawings for path in drawing.logged} if final else None
     style.log_page(sink, entities.HELP, pages.help_page(colors, logged))
     style.log_page(sink, entities.LEGEND, pages.legend_page(colors, recording))
+    style.log_page(sink, entities.FILTER_LEGEND, pages.filter_legend_page(colors))
     found = dict(zip(names, results, strict=False))
     about = pages.about_page(recording, [drawing.config for drawing in drawings], left_out or (), found)
     style.log_page(sink, entities.ABOUT, about)
-    layout = blueprint(recording, framing, names, live=sink.live and not final)
+    particles = drawings[0].config.particles
+    layout = blueprint(recording, framing, names, particles, live=sink.live and not final)
     sink.send_blueprint(layout, live=not final)

@@ -1,72 +1,16 @@
-"""The table of what a recording shows, a row for each entity, and the colours.
+"""The table of what a recording shows, a row for each entity.
 
 Styles, the help page and the layout read the table; to add an entity, add its row and fill it with data in
 :mod:`pfslam_viz.viewer.drawing` or :mod:`pfslam_viz.viewer.collector` (docs/adding.md has the steps).
-
-The colours of things that appear together are told apart under protanopia, deuteranopia and tritanopia (a test
-simulates all three), and are of middle lightness, so that they show on the white floor of a map, on its black walls,
-and on the viewer's dark and light theme.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Literal
 
-from pfslam_viz.config import Config
+from pfslam_viz.viewer.colors import DEAD_RECKONING, DOUBT, HINDSIGHT, HIT, INK, LINEAGE, MISS, TRUTH, WALL, Color
 
-Color = tuple[int, int, int]
-"""Red, green and blue, 0 to 255."""
-
-DEAD_RECKONING: Color = (213, 94, 0)
-FILTER: Color = (0, 110, 220)
-TRUTH: Color = (0, 158, 115)
-HIT: Color = (86, 196, 245)
-MISS: Color = (204, 40, 140)
-HINDSIGHT: Color = (120, 70, 200)
-LINEAGE: Color = (160, 130, 215)
-WALL: Color = (70, 84, 92)
-
-RUNS: tuple[Color, ...] = (FILTER, (235, 172, 0), (150, 40, 150), (125, 125, 125))
-"""A colour for each run that is compared; the first is the filter's where there is one."""
-
-OWN_COLORS: dict[str, Color] = dict(zip(("default", "paper"), RUNS, strict=False))
-"""The colours of the configurations that come with the tool, wherever they are shown."""
-
-
-def run_colors(configs: Sequence[Config]) -> list[Color]:
-    """A colour for each configuration, all different: its own if it has one, or the next that is free.
-
-    A configuration that is shown alone and has none of its own gets the filter's.
-    """
-    own = [OWN_COLORS.get(config.name) for config in configs]
-    wanted = [color if color not in own[:k] else None for k, color in enumerate(own)]
-    free = iter([color for color in RUNS if color not in wanted])
-    return [color or next(free) for color in wanted]
-
-
-COLOR_NAMES: dict[Color, str] = {
-    **{DEAD_RECKONING: "vermilion", TRUTH: "green", HIT: "light blue", MISS: "magenta", HINDSIGHT: "violet"},
-    **{LINEAGE: "pale violet", WALL: "slate"},
-    **dict(zip(RUNS, ("blue", "amber", "purple", "grey"), strict=True)),
-}
-"""What the help page calls the colours."""
-
-WEIGHT_RAMP: tuple[Color, ...] = (
-    (253, 231, 37),
-    (181, 222, 43),
-    (110, 206, 88),
-    (53, 183, 121),
-    (31, 158, 137),
-    (38, 130, 142),
-    (49, 104, 142),
-    (62, 73, 137),
-    (72, 40, 120),
-    (68, 1, 84),
-)
-"""Viridis in ten levels, from no weight (yellow) over an average one (green) to many times that (dark violet)."""
-
-MAP_Z, TEXTURE_Z, LIDAR_Z, PARTICLE_Z, TRAIL_Z, TRUTH_Z, POSE_Z = 0.0, 0.01, 0.03, 0.04, 0.06, 0.07, 0.09
+MAP_Z, TEXTURE_Z, LIDAR_Z, PARTICLE_Z, TRAIL_Z, TRUTH_Z, MARK_Z, POSE_Z = 0.0, 0.01, 0.03, 0.04, 0.06, 0.07, 0.08, 0.09
 """Heights (m) that keep the layers of a flat scene from hiding each other."""
 
 ONLY_RUN = "filter"
@@ -75,11 +19,15 @@ ONLY_RUN = "filter"
 OVERVIEW = "world/overview"
 """The pinhole that looks down on the whole map."""
 
-HELP, ABOUT, LEGEND = "help", "about", "legend"
-"""The pages: what each entity is; recording, result, configuration and versions; the colours, beside the maps."""
+HELP, ABOUT, LEGEND, FILTER_LEGEND = "help", "about", "legend", "filter_legend"
+"""The pages: what each entity is; recording, result, configuration and versions; the colours, beside the maps and
+beside the curves of the tab Filter."""
 
 SCALE_BAR = "world/scale_bar"
 """A line of round length in the corner of the overview; what follows the robot has such lines of its own."""
+
+ERROR_SCALE = "world/error_scale"
+"""The colours of errors, at the right of the overview."""
 
 
 class Kind(Enum):
@@ -103,17 +51,19 @@ class Kind(Enum):
 
 
 class View(Enum):
-    """The views that show entities: spatial ones, images, and the rows of plots below two tabs."""
+    """The views that show entities: spatial ones, images, and the rows of plots below three tabs."""
 
     COMPARE = auto()  # the maps side by side: dead reckoning's, and each run's
     CLOSE_UP = auto()  # a few metres round the robot
     LOUPE = auto()  # the particles
     TEXTURE = auto()
     THREE_D = auto()
+    ERROR = auto()  # the maps side by side, trajectories coloured by error
     COLOR_CAMERA = auto()
     DEPTH_CAMERA = auto()
     COMPARE_PLOTS = auto()
     FILTER_PLOTS = auto()
+    ERROR_PLOTS = auto()
     EVENTS = auto()
 
 
@@ -171,14 +121,15 @@ class Entity:
         return run_color if self.color == "run" else self.color
 
 
+_OVERVIEWS = (View.COMPARE, View.ERROR)
 _MAPS = (View.COMPARE, View.CLOSE_UP, View.LOUPE, View.TEXTURE, View.THREE_D)
 _SCANS = (View.COMPARE, View.CLOSE_UP, View.LOUPE, View.THREE_D)
 _NEAR = (View.CLOSE_UP, View.LOUPE)
 
 # fmt: off
 # What each run has of its own: in the order of the help page.
-MAP = Entity("world/{run}/map", Kind.GRID, z=MAP_Z, views=_MAPS,
-    help="the filter's map: white is free, black occupied, grey-green unknown")
+MAP = Entity("world/{run}/map", Kind.GRID, z=MAP_Z, views=(*_MAPS, View.ERROR),
+    help="the filter's map: white is free, black occupied, grey-green unknown, nearly white a narrow gap between rays")
 WALLS = Entity("world/{run}/walls", Kind.BOXES, color=WALL, views=(View.THREE_D,),
     help="in 3-D: the occupied cells, raised (a drawing; the lidar sees one height)")
 PARTICLES = Entity("world/{run}/particles", Kind.POINTS, width=2.0, few=3.5, z=PARTICLE_Z, views=_SCANS,
@@ -190,7 +141,7 @@ SCAN_HIT = Entity("world/{run}/scan/hit", Kind.POINTS, color=HIT, width=1.75, z=
 SCAN_MISS = Entity("world/{run}/scan/miss", Kind.POINTS, color=MISS, width=1.75, z=LIDAR_Z, views=_SCANS,
     help="{color}: lidar end points where the map held no wall")
 ROBOT = Entity("world/{run}/robot", Kind.ROBOT, color="run", width=1.5, z=POSE_Z,
-    views=(View.COMPARE, View.CLOSE_UP, View.TEXTURE, View.THREE_D),
+    views=(*_OVERVIEWS, View.CLOSE_UP, View.TEXTURE, View.THREE_D),
     help="{color} arrow: the best particle's pose")
 TRAJECTORY = Entity("world/{run}/trajectory", Kind.TRAIL, color="run", width=1.75, z=TRAIL_Z, views=_MAPS,
     help="{color}: the best particle at every scan, as it was estimated then")
@@ -211,6 +162,21 @@ DEGENERATE = Entity("world/{run}/degenerate", Kind.LINES, color=MISS, width=1.5,
 CLOSURES = Entity("world/{run}/closures", Kind.LINES, color=HINDSIGHT, width=1.5, z=POSE_Z,
     views=(View.COMPARE, View.CLOSE_UP, View.THREE_D),
     help="{color}: pairs of scans recognised as the same place, at the last step")
+ERROR_TRAJECTORY = Entity("world/{run}/error", Kind.TRAIL, width=2.5, z=TRAIL_Z, views=(View.ERROR,),
+    help="the best particle at every scan, by its distance from the truth then: light blue (under 2 cm) over violet to"
+    " dark red (over 1 m)")
+SETTLED_ERROR = Entity("world/{run}/settled_error", Kind.LINES, width=2.5, z=POSE_Z, views=(View.ERROR,),
+    help="in the last step: the same of the trajectory as known at the end")
+RESAMPLED_AT = Entity("world/{run}/marks/resampled", Kind.POINTS, color=MISS, width=2.0, z=MARK_Z,
+    views=(View.COMPARE, View.CLOSE_UP, View.THREE_D),
+    help="{color} dots on the trajectory: where particles were resampled; one of several that are close together")
+DOUBTED_AT = Entity("world/{run}/marks/doubt", Kind.POINTS, color=DOUBT, width=4.0, z=POSE_Z,
+    views=(View.COMPARE, View.CLOSE_UP, View.THREE_D),
+    help="{color} dots: where the robot was when something was to be doubted (WARN in the list of events)")
+CLOSED_AT = Entity("world/{run}/marks/loop", Kind.POINTS, color=HINDSIGHT, width=4.0, z=POSE_Z,
+    views=(View.COMPARE, View.CLOSE_UP, View.THREE_D), help="{color} dots: where a loop was closed")
+NEWEST = Entity("world/{run}/marks/newest", Kind.POINTS, color=INK, width=1.5, z=POSE_Z,
+    views=(View.COMPARE,), help="{color}: in the newest of these dots, for a while, what happened there")
 TEXTURE = Entity("world/{run}/texture", Kind.GRID, z=TEXTURE_Z, views=(View.TEXTURE, View.THREE_D),
     help="the floor's colours as the camera saw them, over the map")
 COLOR_IMAGE = Entity("world/{run}/robot/camera", Kind.CAMERA, color="run", views=(View.COLOR_CAMERA, View.THREE_D),
@@ -224,14 +190,19 @@ EVENTS = Entity("events/{run}", Kind.EVENTS, views=(View.EVENTS,),
 FOLLOW = Entity("world/{run}/follow", Kind.FRAME)  # moves with the robot; the cameras of its own views hang on it
 
 # What all runs share.
-RECKONED_MAP = Entity("world/dead_reckoning/map", Kind.GRID, z=MAP_Z, views=(View.COMPARE,),
+RECKONED_MAP = Entity("world/dead_reckoning/map", Kind.GRID, z=MAP_Z, views=_OVERVIEWS,
     help="the map that the same scans make from odometry alone")
 RECKONED_SCAN = Entity("world/dead_reckoning/scan", Kind.POINTS, color=DEAD_RECKONING, width=1.75, z=LIDAR_Z,
     views=(View.COMPARE,), help="{color}: the lidar's end points from the dead-reckoned pose")
 RECKONED_ROBOT = Entity("world/dead_reckoning/robot", Kind.ROBOT, color=DEAD_RECKONING, width=1.5, z=POSE_Z,
-    views=(View.COMPARE, View.THREE_D), help="{color} arrow: the dead-reckoned pose")
+    views=(*_OVERVIEWS, View.THREE_D), help="{color} arrow: the dead-reckoned pose")
 RECKONED_TRAJECTORY = Entity("world/dead_reckoning/trajectory", Kind.TRAIL, color=DEAD_RECKONING, width=1.75,
     z=TRAIL_Z, views=(View.COMPARE, View.THREE_D), help="{color}: where odometry alone leads")
+RECKONED_ERROR_TRAJECTORY = Entity("world/dead_reckoning/error", Kind.TRAIL, width=2.5, z=TRAIL_Z, views=(View.ERROR,),
+    help="dead reckoning at every scan, by its distance from the truth, in the same colours")
+OUT_OF_VIEW = Entity("world/dead_reckoning/out_of_view", Kind.ARROWS, color=DEAD_RECKONING, width=4.0, z=POSE_Z,
+    views=_OVERVIEWS,
+    help="{color} arrow at the edge, from the end of a run on: dead reckoning is out of view, so far beyond the edge")
 TRUE_ROBOT = Entity("world/truth/robot", Kind.ROBOT, color=TRUTH, width=1.5, z=POSE_Z,
     help="{color} arrow: the true pose")
 TRUE_TRAJECTORY = Entity("world/truth/trajectory", Kind.TRAIL, color=TRUTH, width=0.75, z=TRUTH_Z,  # on the estimates
@@ -239,30 +210,31 @@ TRUE_TRAJECTORY = Entity("world/truth/trajectory", Kind.TRAIL, color=TRUTH, widt
 
 # Curves, a plot being named by the middle of the path: in the order of the plots.
 DRIFT = Entity("plots/drift/{run}", Kind.CURVE, color="run", width=1.5, views=(View.COMPARE_PLOTS,),
-    title="Dead reckoning from filter (m)", help="m between dead reckoning and the filter")
-ERROR = Entity("plots/error/{run}", Kind.CURVE, color="run", width=1.5, views=(View.COMPARE_PLOTS,),
-    title="Error against truth (m)", keep="Max",
+    title="Drift (m)", help="m between dead reckoning and the filter")
+ERROR = Entity("plots/error/{run}", Kind.CURVE, color="run", width=1.5, views=(View.COMPARE_PLOTS, View.ERROR_PLOTS),
+    title="Error (m)", keep="Max",
     help="m from the filter's pose, as it was estimated then, to the truth")
 RECKONED_ERROR = Entity("plots/error/dead_reckoning", Kind.CURVE, color=DEAD_RECKONING, width=1.5,
     views=(View.COMPARE_PLOTS,), keep="Max", help="m from dead reckoning to the truth")
 CORRELATION = Entity("plots/correlation/{run}", Kind.CURVE, color="run", width=1.5, views=(View.FILTER_PLOTS,),
-    title="End points on occupied cells", keep="Min",
-    help="share of the end points that fall on occupied cells")
+    title="End points on walls", keep="Min",
+    help="share of the end points that fall on occupied cells, the map's walls")
 N_EFF = Entity("plots/n_eff/{run}", Kind.CURVE, color="run", width=1.5, views=(View.COMPARE_PLOTS, View.FILTER_PLOTS),
-    title="N_eff: effective particles", keep="Min",
+    title="N_eff", keep="Min",
     help="effective number of particles, 1 / Σ w²: the lowest of the scans that share a pixel")
 N_EFF_LIMIT = Entity("plots/n_eff/{run}/threshold", Kind.CURVE, color=MISS, width=1.0,
     views=(View.COMPARE_PLOTS, View.FILTER_PLOTS), help="{color} line: below this N_eff, particles are resampled")
 RESAMPLED = Entity("plots/n_eff/{run}/resampled", Kind.MARKS, color=MISS, width=1.5,
-    views=(View.COMPARE_PLOTS, View.FILTER_PLOTS), help="{color} dot: the particles were resampled after this scan")
+    views=(View.COMPARE_PLOTS, View.FILTER_PLOTS),
+    help="{color} dots at the bottom: the particles were resampled after this scan")
 SPREAD = Entity("plots/spread/{run}", Kind.CURVE, color="run", width=1.5, views=(View.COMPARE_PLOTS,),
-    title="Spread of the particles (m)", keep="Max",
+    title="Spread (m)", keep="Max",
     help="m: standard deviation of the particles' positions")
 SURVIVORS = Entity("plots/lineages/{run}", Kind.CURVE, color="run", width=1.5, views=(View.FILTER_PLOTS,),
     title="Surviving lineages", keep="Min",
     help="distinct ancestors since all particles last shared one")
 HEADING_DRIFT = Entity("plots/heading_drift/{run}", Kind.CURVE, color="run", width=1.5, views=(View.FILTER_PLOTS,),
-    title="Heading: dead reckoning from filter (°)",
+    title="Heading drift (°)",
     help="degrees, counter-clockwise, that dead reckoning has turned further than the filter: 400 is once round and 40")
 SCORE = Entity("plots/score/{run}", Kind.CURVE, color="run", width=1.5, keep="Min",
     help="mean agreement of the matched scan with the map, 0 to 1")

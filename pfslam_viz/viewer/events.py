@@ -31,6 +31,7 @@ class Event:
     seconds: float
     level: str
     text: str
+    closes_loop: bool = False
 
     @property
     def line(self) -> str:
@@ -42,7 +43,7 @@ class Lasting:
     """Something that holds for some scans, flickers of it counted as one."""
 
     def __init__(self, begins: str, ends: str, at_least: int = 1) -> None:
-        """``ends`` names the number of scans as {n}. Told once it held for ``at_least`` scans in a row, and as over
+        """``ends`` has {n} for how many scans it held. Told once it held for ``at_least`` scans in a row, and as over
         once it did not for ten times as many."""
         self._begins, self._ends, self._at_least = begins, ends, at_least
         self._in_a_row, self._quiet = 0, 0
@@ -57,7 +58,7 @@ class Lasting:
         elif self._since is not None and self._quiet >= FLICKER * self._at_least:
             lasted = step.index - self._quiet + 1 - self._since
             self._since = None
-            yield Event(step.index, step.time, EVENT, self._ends.format(n=f"{lasted:,}"))
+            yield Event(step.index, step.time, EVENT, self._ends.format(n=f"{lasted:,} scan{'s' * (lasted > 1)}"))
 
 
 class Chronicle:
@@ -67,9 +68,9 @@ class Chronicle:
         self._recording, self._config = recording, config
         self._last: Step | None = None
         self._told: set[int] = set()  # later scans of loops that were closed on the way
-        self._open = Lasting("corridor open", "corridor left, {n} scans", 3)
-        self._blind = Lasting("no match with map", "matches again, {n} scans")
-        self._deaf = Lasting("odometry unknown", "odometry back, {n} scans")
+        self._open = Lasting("corridor open", "corridor left, {n}", 3)
+        self._blind = Lasting("no match with map", "matches again, {n}")
+        self._deaf = Lasting("odometry unknown", "odometry back, {n}")
         self._gaps = sorted(gaps(recording), key=lambda event: event.step, reverse=True)
 
     def add(self, step: Step) -> Iterator[Event]:
@@ -79,7 +80,7 @@ class Chronicle:
         while self._gaps and self._gaps[-1].step <= step.index:
             yield self._gaps.pop()
         yield from self._deaf.see(step, known is not None and not known[step.index])
-        yield from self._blind.see(step, not estimate.informative)
+        yield from self._blind.see(step, not estimate.informative and step.index > 0)  # the first makes the map
         yield from self._open.see(step, estimate.match is not None and estimate.match.degenerate is not None)
         if step.revision is not None:
             self._told |= {c.later for c in step.revision.closures}
@@ -102,12 +103,12 @@ class Chronicle:
             if not told or closure.later - told[-1] > SAME_SCANS:
                 told.append(closure.later)
                 text = f"loop closed with scan {closure.earlier:,}"
-                yield Event(closure.later, float(times[closure.later]), EVENT, text)
+                yield Event(closure.later, float(times[closure.later]), EVENT, text, closes_loop=True)
         if result.interrupted:
             yield Event(last.index, last.time, DOUBT, "interrupted")
         moved = np.hypot(*(result.estimate - result.online)[:, :2].T)
         if moved.size and moved.max() > 1e-3:
-            text = f"hindsight: moved by {moved.max():.2f} m"
+            text = f"hindsight: by {moved.max():.2f} m"
             yield Event(last.index, last.time, EVENT, text)
         if result.kept is not None and result.kept.trajectory == "online":
             yield Event(last.index, last.time, EVENT, "run's trajectory kept")

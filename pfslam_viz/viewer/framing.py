@@ -110,6 +110,39 @@ def _outline(results: Sequence[Result], low: Array, high: Array) -> Array:
     return np.asarray(inside[np.argmax(inside @ directions, axis=0)])
 
 
+@dataclass(frozen=True, slots=True)
+class Pointers:
+    """Arrows at the edge of a framing, (n, 2) m each, to something that is ``beyond`` (n,) m outside; 0: inside."""
+
+    origins: Array
+    vectors: Array
+    beyond: Array
+
+
+POINTER, POINTERS = 0.08, 2000  # length as a share of the framing's height; so many moments at most
+INSET = 0.05  # of the framing's height: how far inside of its edge the arrow ends
+
+
+def out_of_view(framing: Framing, poses: Array) -> tuple[NDArray[np.intp], Pointers]:
+    """The moments, rows of ``poses`` (m, 3), from which on an arrow holds, and the arrows: n each, of one at least."""
+    inset = INSET * framing.height
+    half = np.array([framing.width, framing.height]) / 2 - inset
+    inside = np.clip(poses[:, :2], framing.center - half, framing.center + half)
+    apart = poses[:, :2] - inside
+    far = np.hypot(apart[:, 0], apart[:, 1])
+    outside = far > inset
+    changes = np.flatnonzero(np.diff(outside, prepend=False))
+    every = max(len(poses) // POINTERS, 1)
+    moments = np.flatnonzero(outside & (np.arange(len(poses)) % every == 0))
+    rows = np.unique(np.concatenate([[0], changes, moments])).astype(np.intp)
+    left, low = framing.center - half * np.array([0.4, 0.6])  # the scale bar lies in that corner
+    inside[(inside[:, 0] < left) & (inside[:, 1] < low), 1] = low
+    apart = poses[:, :2] - inside
+    vectors = POINTER * framing.height * apart[rows] / np.maximum(np.hypot(*apart[rows].T), 1e-9)[:, None]
+    beyond = np.where(outside[rows], far[rows] - inset, 0.0)
+    return rows, Pointers(inside[rows] - vectors, vectors, beyond)
+
+
 def round_length(most: float) -> float:
     """The longest of 1, 2 or 5 times a power of ten that is no longer than ``most``, in m."""
     power = 10.0 ** np.floor(np.log10(most))
@@ -156,11 +189,11 @@ FILL = 0.94  # share of the view that the building may fill
 ROOF = 0.6  # m
 
 
-def eye_on(framing: Framing) -> tuple[Array, Array]:
+def eye_on(framing: Framing, window: float = WINDOW) -> tuple[Array, Array]:
     """Where an eye is, and what it looks at, (3,) m each, so that it sees all of the framing's outline from above.
 
-    It looks across the longer side, so that this lies along the window, from as near as a window of
-    :data:`WINDOW` allows, and puts what it sees in the middle of the view.
+    It looks across the longer side, so that this lies along the window, from as near as a view of this width by height
+    (or wider) allows, and puts what it sees in the middle of the view.
     """
     low, high = framing.outline.min(axis=0), framing.outline.max(axis=0)
     width, height = np.maximum(high - low, 1.0)
@@ -177,6 +210,6 @@ def eye_on(framing: Framing) -> tuple[Array, Array]:
         across, along = seen @ right / depth, seen @ up / depth
         aside, ahead = (across.min() + across.max()) / 2, (along.min() + along.max()) / 2
         target = target + 0.7 * distance * (aside * right + ahead * np.array([*(-back / np.sin(PITCH)), 0.0]))
-        reach = max(np.ptp(across) / 2 / WINDOW, np.ptp(along) / 2)
+        reach = max(np.ptp(across) / 2 / window, np.ptp(along) / 2)
         distance *= (reach / most) ** 0.7
     return target + distance * toward, target

@@ -50,6 +50,34 @@ def shade(
 
 
 @njit(cache=True, nogil=True)
+def bridge(
+    cells: NDArray[np.uint8], drawn: NDArray[np.uint8], most: int, free: int, unknown: int, tint: int
+) -> NDArray[np.uint8]:
+    """``drawn`` (rows, columns) with ``tint`` where the ``cells`` are ``unknown`` in a gap between two rays.
+
+    That is a run of at most ``most`` of them, along a row or a column, between two cells below ``free``.
+    """
+    rows, columns = cells.shape
+    out = drawn.copy()
+    above = np.full(columns, -1, np.int64)  # the last row that was free with nothing but unknown since, if any
+    for i in range(rows):
+        before = -1
+        for j in range(columns):
+            value = cells[i, j]
+            if value == unknown:
+                continue
+            if value < free:
+                if before >= 0 and 1 < j - before <= most + 1:
+                    out[i, before + 1 : j] = tint
+                if above[j] >= 0 and 1 < i - above[j] <= most + 1:
+                    out[above[j] + 1 : i, j] = tint
+                before, above[j] = j, i
+            else:
+                before = above[j] = -1
+    return out
+
+
+@njit(cache=True, nogil=True)
 def descend(founders: NDArray[np.int64], parents: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
     """The founders (N,) of the particles that descend from ``parents`` (N,), and how many different ones these are.
 

@@ -8,15 +8,17 @@ from pfslam_viz.config import Config
 from pfslam_viz.recordings.findings import Severity, of
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.replay import Result
-from pfslam_viz.viewer.entities import COLOR_NAMES, ENTITIES, FILTER, Color, Entity, Kind
+from pfslam_viz.viewer.colors import COLOR_NAMES, FILTER, Color
+from pfslam_viz.viewer.entities import ENTITIES, Entity, Kind
 from pfslam_viz.viewer.outcome import outcome
 
 INTRODUCTION = (
     "Drag the timeline at the bottom, or press the space bar to play. `step` counts scans; `time` is seconds since the"
     " first one. **Compare** shows what the wheels and the gyro alone believe (dead reckoning, vermilion) beside what"
     " the particle filter makes of it ({runs}), on the same piece of floor. The truth, where it is known, is green."
-    " **Filter** follows the robot and its particles. **Events** lists what"
-    " happened: click an event's step to go there."
+    " **Filter** follows the robot and its particles. **Error**, where the truth is known, colours the trajectories by"
+    " their distance from it. **Events** lists what happened: click an event's `#`, at its left, to go there. In the"
+    " panel at the left (Ctrl+Shift+B) each entity has an eye, which hides it."
 )
 
 PLOTTED = (Kind.CURVE, Kind.MARKS)
@@ -32,11 +34,11 @@ def help_page(colors: Mapping[str, Color], logged: Iterable[str] | None) -> str:
     own, shared = [r for r in rows if r.owner == "{run}"], [r for r in rows if r.owner != "{run}"]
     for run, color in colors.items():
         title = "Particle filter" if len(runs) == 1 else f"`{run}`"
-        lines += _table(title, [line for row in own for line in _lines(row, run, color)], known)
-    lines += _table("Dead reckoning and truth", [line for row in shared for line in _lines(row, "", FILTER)], known)
+        lines += _list(title, [line for row in own for line in _lines(row, run, color)], known)
+    lines += _list("Dead reckoning and truth", [line for row in shared for line in _lines(row, "", FILTER)], known)
     curves = [row for row in ENTITIES if row.kind in PLOTTED]
     of_curves = [line for row in curves for run, color in colors.items() for line in _lines(row, run, color)]
-    lines += _table("Curves", list(dict.fromkeys(of_curves)), known)
+    lines += _list("Curves", list(dict.fromkeys(of_curves)), known)
     return "\n".join(lines)
 
 
@@ -49,16 +51,29 @@ def _named(colors: Mapping[str, Color]) -> str:
 def legend_page(colors: Mapping[str, Color], recording: Recording) -> str:
     """What the colours beside the maps mean, in few words, and what to look for."""
     lines = [
-        "**Look for** walls: dead reckoning doubles and bends them, the filter keeps each in its place.",
+        "**Look for** walls: dead reckoning doubles and bends them.",
         "",
-        "- white free, black wall, grey-green unknown",
-        "- vermilion: dead reckoning",
+        "- white free, black wall, grey-green unknown, pale between rays",
+        "- vermilion: dead reckoning; arrow at the edge: so far out of view",
         *([f"- {_named(colors)}: the filter, as estimated then"] if len(colors) == 1 else []),
         *(f"- {COLOR_NAMES[color]}: {run}" for run, color in colors.items() if len(colors) > 1),
         *(["- thin green: the truth"] if recording.truth is not None else []),
-        "- dots: the lidar now; light blue on a known wall, magenta on none",
-        "- violet, in the last step: the trajectory and closed loops in hindsight",
-        "- ellipse: where the robot is by 2 sigmas",
+        "- the lidar now: light blue on a known wall, magenta on none",
+        "- dots on the way: magenta resampled, crimson doubtful",
+        "- violet, last step: in hindsight, closed loops",
+        "- ellipse: the robot, by 2 sigmas",
+    ]
+    return "\n".join(lines)
+
+
+def filter_legend_page(colors: Mapping[str, Color]) -> str:
+    """The same beside the curves of the tab Filter."""
+    lines = [
+        *(f"- {COLOR_NAMES[color]}: {run if len(colors) > 1 else 'the filter'}" for run, color in colors.items()),
+        "- magenta: threshold, resamplings",
+        "- particles: yellow light, green average, dark violet heavy",
+        "- pale violet: their ancestors",
+        "- magenta arrow: correction, x 10",
     ]
     return "\n".join(lines)
 
@@ -75,9 +90,9 @@ def _lines(row: Entity, run: str, run_color: Color) -> list[tuple[str, str]]:
     return [(done, text), (latest, f"{text.split(':')[0]}: its latest stretch")]
 
 
-def _table(title: str, rows: list[tuple[str, str]], known: set[str] | None) -> list[str]:
-    kept = [f"| `/{path}` | {what} |" for path, what in rows if known is None or path in known]
-    return [f"## {title}", "", "| entity | shows |", "| --- | --- |", *kept, ""] if kept else []
+def _list(title: str, rows: list[tuple[str, str]], known: set[str] | None) -> list[str]:
+    kept = [f"- `/{path}`: {what}" for path, what in rows if known is None or path in known]
+    return [f"## {title}", "", *kept, ""] if kept else []
 
 
 def about_page(

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz.step import Step
+from pfslam_viz.viewer.colors import ERROR_LIMITS
 
 Array = NDArray[np.float64]
 Points = NDArray[np.float32]
@@ -19,6 +20,17 @@ Points = NDArray[np.float32]
 def stride(total: int, most: int) -> int:
     """Every how many of ``total`` are kept so that at most ``most`` are."""
     return max(-(-total // max(most, 1)), 1)
+
+
+def distance(some: Array, others: Array) -> Array:
+    """How far poses (n, 3) are from others, m."""
+    apart = some[:, :2] - others[:, :2]
+    return np.hypot(apart[:, 0], apart[:, 1])
+
+
+def error_levels(errors: Array) -> NDArray[np.intp]:
+    """Levels in ERROR_RAMP for errors in m: 0 for up to the first of ERROR_LIMITS, ..."""
+    return np.searchsorted(ERROR_LIMITS, errors)
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,8 @@ from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.replay import Result
 from pfslam_viz.step import Step
 from pfslam_viz.viewer.collector import Collector, StreamOptions
+from pfslam_viz.viewer.colors import run_colors
 from pfslam_viz.viewer.drawing import Drawing, send_scene
-from pfslam_viz.viewer.entities import run_colors
 from pfslam_viz.viewer.framing import Framing
 from pfslam_viz.viewer.sinks import Sink
 

@@ -1,5 +1,6 @@
 """What is logged once: the table's colours and widths, the robot's shape, the cameras that look down."""
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -7,9 +8,10 @@ import rerun as rr
 
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.robot import CameraGeometry
-from pfslam_viz.viewer import entities
+from pfslam_viz.viewer import colors, entities
+from pfslam_viz.viewer.colors import Color
 from pfslam_viz.viewer.contents import IMAGE_SCALE
-from pfslam_viz.viewer.entities import ENTITIES, Color, Entity, Kind
+from pfslam_viz.viewer.entities import ENTITIES, Entity, Kind
 from pfslam_viz.viewer.framing import Framing, overhead_camera, round_length
 from pfslam_viz.viewer.sinks import Sink
 
@@ -41,13 +43,37 @@ def style_shared(sink: Sink, recording: Recording) -> None:
     """Style what all runs share: dead reckoning, and truth where it is known."""
     for row in ENTITIES:
         if row.owner == "dead_reckoning" or (row.owner == "truth" and recording.truth is not None):
-            _style(sink, row, row.owner, entities.DEAD_RECKONING, None)
+            _style(sink, row, row.owner, colors.DEAD_RECKONING, None)
 
 
-def log_framing(sink: Sink, framing: Framing) -> None:
-    """Point the overview's camera at a piece of floor."""
+def log_framing(sink: Sink, framing: Framing, truth: bool) -> None:
+    """Point the overview's camera at a piece of floor; with ``truth``, put the colours of errors there."""
     sink.log_static(entities.OVERVIEW, *overhead_camera(framing.center, framing.height, framing.aspect))
     sink.log_static(entities.SCALE_BAR, _scale_bar(framing.center, framing.width, framing.height))
+    if truth:
+        bar, limits = _error_scale(framing)
+        sink.log_static(entities.ERROR_SCALE, bar)
+        sink.log_static(f"{entities.ERROR_SCALE}/limits", limits)
+
+
+def _error_scale(framing: Framing) -> tuple[rr.LineStrips3D, rr.Points3D]:
+    """A bar of the colours of errors at the right of a piece of floor, the largest on top, and the limits between."""
+    x, z = framing.center[0] + 0.48 * framing.width, entities.POSE_Z
+    y = framing.center[1] + framing.height * np.linspace(-0.45, 0.45, len(colors.ERROR_RAMP) + 1)
+    bar = [[[x, a, z], [x, b, z]] for a, b in pairwise(y)]
+    beside, lift = x - 0.07 * framing.height, 0.03 * framing.height  # the viewer writes below a point
+    limits = rr.Points3D(
+        [[beside, at + lift, z] for at in y[1:-1]],
+        colors=colors.INK,
+        radii=0.0,
+        labels=[_length(limit) for limit in colors.ERROR_LIMITS],
+        show_labels=True,
+    )
+    return rr.LineStrips3D(bar, colors=colors.ERROR_RAMP, radii=rr.Radius.ui_points(4.0)), limits
+
+
+def _length(meters: float) -> str:
+    return f"{meters:g} m" if meters >= 1 else f"{100 * meters:g} cm"
 
 
 def log_loupe(sink: Sink, run: str, spread: float | None) -> None:
@@ -68,10 +94,9 @@ def _scale_bar(center: tuple[float, float], width: float, height: float) -> rr.L
     left, y = center[0] - 0.46 * width, center[1] - 0.4 * height
     bar = [[left, y + tick], [left, y - tick], [left, y], [left + length, y], [left + length, y + tick]]
     bar += [[left + length, y - tick]]
-    text = f"{length:g} m" if length >= 1 else f"{100 * length:g} cm"
     points = np.insert(np.array(bar), 2, entities.POSE_Z, axis=1)
     return rr.LineStrips3D(
-        [points], colors=(20, 20, 20), radii=rr.Radius.ui_points(1.25), labels=text, show_labels=True
+        [points], colors=colors.INK, radii=rr.Radius.ui_points(1.25), labels=_length(length), show_labels=True
     )
 
 

@@ -13,17 +13,18 @@ Points = NDArray[np.float32]
 
 
 class Trail:
-    """The trajectory of one thing over ``scans`` scans."""
+    """The trajectory of one thing over ``scans`` scans; with ``width`` 3, each of its points carries a number too."""
 
-    def __init__(self, scans: int) -> None:
-        self._points = np.empty((scans, 2), np.float32)
+    def __init__(self, scans: int, width: int = 2) -> None:
+        self._points = np.empty((scans, width), np.float32)
         self._count = self._done = 0
         self.every = max(int(np.sqrt(scans)), 2)
 
     def extend(
         self, poses: NDArray[np.float64], revised: Sequence[Points | None] | None = None
     ) -> tuple[list[tuple[int, Points]], list[Points]]:
-        """Append poses (n, 3), of which x and y count.
+        """Append poses (n, 3), of which x and y count, or n points of three numbers where these are kept.
+
 
         ``revised`` (n,) holds, where all that came before turned out to be different, the whole trajectory up to there
         (m, 2). Returns the ``done`` strips with the row (index into ``poses``) each belongs to, and an ``open`` strip a
@@ -33,7 +34,7 @@ class Trail:
         for row, pose in enumerate(poses):
             k = self._count
             self._count += 1
-            self._points[k] = pose[:2]
+            self._points[k] = pose[: self._points.shape[1]]
             anew = None if revised is None else revised[row]
             if anew is not None:
                 self._points[: k + 1] = anew
@@ -42,3 +43,11 @@ class Trail:
                 done.append((row, self._points[: k + 1].copy()))
             strips.append(self._points[self._done : k + 1].copy())
         return done, strips
+
+
+def level_pieces(points: Points) -> list[tuple[Points, int]]:
+    """Points (m, 3) of x, y and a level as strips (k, 2) of one level each, which end where the next begins."""
+    levels = points[1:, 2].astype(int)
+    ends = [*(np.flatnonzero(np.diff(levels)) + 1).tolist(), len(levels)] if len(levels) else []
+    starts = [0, *ends[:-1]]
+    return [(points[a : b + 1, :2], int(levels[a])) for a, b in zip(starts, ends, strict=False)]

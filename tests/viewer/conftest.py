@@ -32,6 +32,7 @@ from pfslam_viz.viewer.stream import replay_stream
 Array = NDArray[np.float64]
 
 SCANS, BEAMS, PARTICLES = 60, 91, 40
+BLIND = (20, 21)  # scans without a match with the map, where everything is made up
 LENGTH, HALF_WIDTH = 8.0, 1.5  # m: a corridor along x, closed at both ends
 
 
@@ -88,7 +89,7 @@ class Corridor:
                     covariance=np.cov(particles.T, aweights=weights, ddof=0),
                     n_eff=float(1.0 / (weights**2).sum()),
                     resampled=k % 4 == 3,
-                    informative=True,
+                    informative=not (self.rich and k in BLIND),
                     parents=rng.integers(0, PARTICLES, PARTICLES),
                     match=match if self.rich else None,
                 ),
@@ -120,7 +121,7 @@ class Corridor:
             dead_reckoning_grid=steps[-1].dead_reckoning_grid,
             seconds={"update": np.full(n, 0.001)},
             resamplings=n // 4,
-            uninformative=0,
+            uninformative=len(BLIND) if self.rich else 0,
             interrupted=interrupted,
             closures=(LoopClosure(0, n - 1, online[0, :2], online[n - 1, :2]),) if self.rich else (),
             texture=self._texture(steps) if self.rich else None,
@@ -277,6 +278,16 @@ class Readable:
                 name, kind = parts["ViewBlueprint:display_name"], parts["ViewBlueprint:class_identifier"]
                 views.append(View(name[0], kind[0], contents))
         return views
+
+    def eye(self) -> tuple[Array, Array]:
+        """Where the eye of the final layout's 3-D view is, and what it looks at."""
+        found: list[dict[str, Any]] = []
+        for store in self._reader.blueprints():  # in no order
+            for chunk in self._reader.stream(store=store):
+                if chunk.entity_path.endswith("/EyeControls3D"):
+                    found += chunk.to_record_batch().to_pylist()
+        final = max(found, key=lambda row: row["log_time"])
+        return np.array(final["EyeControls3D:position"][0]), np.array(final["EyeControls3D:look_target"][0])
 
     def verify(self) -> str:
         done = subprocess.run(

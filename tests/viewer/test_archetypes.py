@@ -6,8 +6,8 @@ import rerun as rr
 
 from pfslam_viz.step import Step
 from pfslam_viz.viewer import archetypes
+from pfslam_viz.viewer.colors import WEIGHT_RAMP
 from pfslam_viz.viewer.contents import Boxes, Cells, Jpeg, Lines
-from pfslam_viz.viewer.entities import WEIGHT_RAMP
 from pfslam_viz.viewer.scan_batch import Ragged, ScanBatch, ScanCopy
 
 if TYPE_CHECKING:

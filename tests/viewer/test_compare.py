@@ -66,7 +66,7 @@ def test_two_runs_share_a_file(
     for entity in ("world/a/particles", "world/b/particles", "plots/n_eff/a", "plots/n_eff/b", "plots/error/b"):
         assert len(file.temporal(entity)) == n, entity
     assert len(file.rows("world/dead_reckoning/robot")) == n  # once, not once a run
-    named = re.findall(r"\| `/(.*?)` \|", file.static("help", "text")[0])
+    named = re.findall(r"- `/(.*?)`: ", file.static("help", "text")[0])
     assert {"world/a/map", "world/b/map"} < set(named)
     colors = [file.static(f"plots/n_eff/{run}", "colors")[0] for run in ("a", "b")]
     assert colors[0] != colors[1]
@@ -85,11 +85,14 @@ def test_runs_are_comparable_at_a_glance(
     colors = {name: file.static(f"plots/n_eff/{name}", "colors")[0] >> 8 for name in ("paper", "b", "default")}
     assert colors["default"] == 0x006EDC and colors["paper"] == 0xEBAC00 and len(set(colors.values())) == 3
     names = [view.name for view in file.views()]
-    assert {f"{name}: round the robot (9 m)" for name in colors} < set(names)
+    assert {f"{name}: the robot (9 m)" for name in colors} < set(names)
     (n_eff,) = {view.name for view in file.views() if "plots/n_eff/b" in view.contents}
-    assert n_eff == "N_eff as a share of the particles"
-    events = {row["text"][0].split()[0] for name in colors for row in file.rows(f"events/{name}")}
-    assert events == set(colors)
+    assert n_eff == "N_eff, share of N"
+    events = {view.name: view.contents for view in file.views() if view.kind == "TextLog"}
+    assert events == {f"Events: {name}": {f"events/{name}"} for name in colors}  # a list for each
+    assert {f"Floor: {name}" for name in colors} | set(colors) < set(names)  # 3-D has the run's name alone
+    (by_error,) = (view.contents for view in file.views() if view.name == "b by error")
+    assert {"world/b/error/done", "world/b/error/open", "world/error_scale", "world/error_scale/limits"} < by_error
     about = file.static("about", "text")[0]
     assert "| | paper | b | default | dead reckoning |" in about
 

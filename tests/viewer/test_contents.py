@@ -41,6 +41,18 @@ def test_a_marked_cell_lies_where_it_is_the_right_way_up() -> None:
     assert np.count_nonzero(cells == 255) == 46
 
 
+def test_narrow_gaps_between_rays_are_nearly_white() -> None:
+    """Of 25 cm, five cells here; pale up to 60 cm; what is behind a wall, or beside free floor, stays unknown."""
+    grid = OccupancyGrid(MapConfig(cell=0.05))
+    miss, hit = -grid.config.log_odds_miss, grid.config.log_odds_hit
+    for column, value in ((10, miss), (16, miss), (23, miss), (24, hit), (26, miss), (39, miss), (53, miss)):
+        grid.log_odds[5, column] = value
+    known = grid.log_odds.copy()
+    (row,) = contents.grid_map(grid).values
+    assert row.tolist() == [0, *[6] * 5, 0, *[20] * 6, 0, 100, 255, 0, *[20] * 12, 0, *[255] * 13, 0]
+    np.testing.assert_array_equal(grid.log_odds, known)  # a drawing: the map keeps them unknown
+
+
 def test_an_empty_map_is_one_unknown_cell() -> None:
     np.testing.assert_array_equal(contents.grid_map(OccupancyGrid(MapConfig())).values, [[255]])
 

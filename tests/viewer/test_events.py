@@ -50,7 +50,7 @@ def test_what_lasts_is_told_where_it_begins_and_ends(plain_corridor: "Corridor",
 
 def test_an_open_corridor_is_told_once_it_lasts(corridor: "Corridor") -> None:
     """Open at every other scan it is not told; from 3 to 7 it is, at the third."""
-    steps = [replace(s, estimate=replace(s.estimate, resampled=False)) for s in corridor.steps()]
+    steps = [replace(s, estimate=replace(s.estimate, resampled=False, informative=True)) for s in corridor.steps()]
     assert told(Chronicle(corridor.recording, corridor.config), steps) == []
     open_one = steps[1].estimate
     in_a_row = [replace(s, estimate=open_one) if 4 <= s.index < 8 else s for s in steps[:20]]

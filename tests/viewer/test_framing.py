@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pfslam_viz.viewer.framing import Framing, aspect_of, eye_on, overhead_camera, overhead_size
+from pfslam_viz.viewer.framing import Framing, aspect_of, eye_on, out_of_view, overhead_camera, overhead_size
 
 if TYPE_CHECKING:
     from tests.viewer.conftest import Corridor
@@ -83,3 +83,20 @@ def test_the_eye_sees_the_whole_building_and_is_near(content: tuple[float, float
     if aspect == 1.6:
         assert max(np.ptp(x), np.ptp(y)) > 1.7  # of 2: it fills the view one way
     assert y.max() == pytest.approx(-y.min(), abs=0.05) and x.max() == pytest.approx(-x.min(), abs=0.05)
+
+
+def test_pointers_lie_inside_and_keep_off_the_scale_bar() -> None:
+    """20 m by 10 m: half a metre inside of the edge, which they point over, and as far beyond it as the poses are."""
+    framing = Framing((5.0, 0.0), 20.0, 10.0, np.zeros((4, 2)))
+    poses = np.array([[0.0, 0.0, 0.0], [45.0, 0.5, 0.0], [45.0, 0.5, 0.0], [5.0, 35.0, 1.0], [-30.0, -4.5, 0.0]])
+    poses = np.concatenate([poses, [[15.2, 0.0, 0.0], [-14.5, 14.5, 0.0]]])
+    rows, pointers = out_of_view(framing, poses)
+    assert rows.tolist() == [0, 1, 2, 3, 4, 5, 6]
+    assert pointers.beyond == pytest.approx([0.0, 30.0, 30.0, 30.0, 25.0, 0.2, np.hypot(10.0, 10.0) - 0.5], abs=0.21)
+    tips = pointers.origins + pointers.vectors
+    assert tips[1] == pytest.approx([14.5, 0.5]) and tips[3] == pytest.approx([5.0, 4.5])
+    assert tips[4] == pytest.approx([-4.5, -2.7])  # not in the corner
+    np.testing.assert_allclose(np.hypot(*pointers.vectors[[1, 3, 4]].T), 0.8)
+    assert tips[6] == pytest.approx([-4.5, 4.5]) and pointers.vectors[6] == pytest.approx(
+        [-(0.8**0.5) * 0.632, 0.566], abs=0.01
+    )

@@ -45,7 +45,7 @@ def fresh_viewer() -> Iterator[HeadlessViewer]:
 def maps_of(picture: NDArray[Any]) -> NDArray[Any]:
     """Where the two maps are on the first tab; the legend and the events are beside them."""
     rows, columns = picture.shape[:2]
-    return picture[int(0.12 * rows) : int(0.68 * rows), : 2 * (15 * columns // 38)]
+    return picture[int(0.12 * rows) : int(0.68 * rows), : 2 * (14 * columns // 36)]
 
 
 def test_no_view_complains_at_start_middle_and_end(viewer: HeadlessViewer, output: Path, recorded: "Recorded") -> None:
@@ -58,7 +58,7 @@ def test_no_view_complains_at_start_middle_and_end(viewer: HeadlessViewer, outpu
         assert viewer.reports() == [], step
 
 
-@pytest.mark.parametrize("tab", ["Filter", "Texture", "3-D", "About"])
+@pytest.mark.parametrize("tab", ["Filter", "Error", "Texture", "3-D", "About"])
 def test_no_view_of_the_other_tabs_complains(
     viewer: HeadlessViewer, output: Path, recorded: "Recorded", tab: str
 ) -> None:
@@ -71,7 +71,7 @@ def test_no_view_of_the_other_tabs_complains(
 
 def test_a_tab_that_is_not_there_is_named(viewer: HeadlessViewer, recorded: "Recorded") -> None:
     viewer.open(recorded.path)
-    with pytest.raises(InputError, match="there are Compare, Filter, Texture, 3-D, About"):
+    with pytest.raises(InputError, match="there are Compare, Filter, Error, Texture, 3-D, About"):
         viewer.show_tab("Nope")
 
 
@@ -128,7 +128,7 @@ def test_the_demo_is_shown_without_complaint_from_start_to_end(
         if step > 0:
             assert found["white"] > 0.02 and min(found["orange"], found["blue"]) > 0.001, step
     viewer.seek(last // 2)
-    for tab in ("Filter", "Texture", "3-D", "About"):
+    for tab in ("Filter", "Error", "Texture", "3-D", "About"):
         viewer.show_tab(tab)
         viewer.photograph(output / f"demo_{tab}.png")
         assert viewer.reports() == [], tab

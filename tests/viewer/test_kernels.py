@@ -30,6 +30,28 @@ def test_shade_and_its_box(rows: slice, columns: slice) -> None:
     np.testing.assert_array_equal(cells, np.where(part == 0, 255, table[levels]))
 
 
+def bridged(cells: np.ndarray, most: int) -> np.ndarray:
+    """Cell by cell: the nearest known ones on either side are free, and close enough."""
+    out = cells.copy()
+    for i, j in np.argwhere(cells == 255):
+        for line, k in ((cells[i], j), (cells[:, j], i)):
+            known = np.flatnonzero(line != 255)
+            before, after = known[known < k], known[known > k]
+            if len(before) and len(after) and after[0] - before[-1] <= most + 1:
+                out[i, j] = 7 if max(line[before[-1]], line[after[0]]) < 50 else out[i, j]
+    return out
+
+
+@pytest.mark.parametrize("most", [0, 1, 2, 5])
+def test_gaps_between_free_cells_are_bridged(most: int) -> None:
+    row = np.array([[255, 0, 255, 255, 0, 255, 100, 0, 255, 100, 255, 0, 255]], np.uint8)
+    if most >= 2:
+        assert kernels.bridge(row, row, most, 50, 255, 7)[0].tolist()[:6] == [255, 0, 7, 7, 0, 255]
+    rng = np.random.default_rng(10)
+    for cells in (row, row.T.copy(), rng.choice(np.array([0, 60, 255, 255, 255], np.uint8), (30, 40))):
+        np.testing.assert_array_equal(kernels.bridge(cells, cells, most, 50, 255, 7), bridged(cells, most))
+
+
 @pytest.mark.parametrize("cell", [(0, 0), (5, 0), (0, 7), (8, 12)])
 def test_the_box_of_one_cell(cell: tuple[int, int]) -> None:
     values = np.zeros((9, 13), np.float32)

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pfslam_viz import geometry
-from pfslam_viz.viewer.entities import RUNS
-from pfslam_viz.viewer.pages import about_page, help_page, legend_page
+from pfslam_viz.viewer.colors import RUNS
+from pfslam_viz.viewer.pages import about_page, filter_legend_page, help_page, legend_page
 
 if TYPE_CHECKING:
     from tests.viewer.conftest import Corridor
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 
 def test_the_help_page_names_what_was_logged_and_nothing_else() -> None:
     page = help_page({"filter": RUNS[0]}, {"world/filter/map", "plots/n_eff/filter", "world/truth/robot"})
-    assert re.findall(r"\| `/(.*?)` \|", page) == ["world/filter/map", "world/truth/robot", "plots/n_eff/filter"]
+    assert re.findall(r"- `/(.*?)`: ", page) == ["world/filter/map", "world/truth/robot", "plots/n_eff/filter"]
 
 
 def test_several_runs_are_told_by_colour() -> None:
     page = help_page({"paper": RUNS[1], "mine": RUNS[0]}, None)
     assert "paper amber, mine blue" in page
-    assert "| `/world/mine/robot` | blue arrow" in page
+    assert "- `/world/mine/robot`: blue arrow" in page
 
 
 def test_the_about_page_tells_recording_configuration_and_versions(corridor: "Corridor") -> None:
@@ -54,6 +54,8 @@ def test_the_about_page_tells_what_came_of_the_run(corridor: "Corridor") -> None
 
 def test_the_legend_names_the_colours_that_are_there(corridor: "Corridor") -> None:
     alone = legend_page({"filter": RUNS[0]}, corridor.recording)
-    assert "- blue: the filter" in alone and "- thin green: the truth" in alone and "violet, in the last step" in alone
+    assert "- blue: the filter" in alone and "- thin green: the truth" in alone and "- violet, last step" in alone
     two = legend_page({"default": RUNS[0], "paper": RUNS[1]}, replace(corridor.recording, truth=None))
     assert "- blue: default\n- amber: paper" in two and "green: the" not in two
+    assert filter_legend_page({"default": RUNS[0], "paper": RUNS[1]}).startswith("- blue: default\n- amber: paper\n")
+    assert filter_legend_page({"filter": RUNS[1]}).startswith("- amber: the filter\n")

@@ -38,14 +38,14 @@ def filter_constraints(
 def heading_spans(increments: Array, config: FilterConstraintsConfig) -> list[Constraints]:
     """How far the filter says that the robot turned over many key scans, as robust constraints.
 
-    Spans that overlap tell the same, so each counts for less.
+    Two spans of a kind overlap everywhere, and each counts half.
     """
     poses = geometry.accumulate(np.vstack([np.zeros(3), increments]))
     parts = []
     for span in config.spans:
-        start = np.arange(len(poses) - span)
+        start = np.arange(0, len(poses) - span, max(span // 2, 1))
         information = np.zeros((len(start), 3, 3))
-        information[:, 2, 2] = config.span_angle**-2.0 / span
+        information[:, 2, 2] = 0.5 * config.span_angle**-2.0
         measured = geometry.between(poses[start], poses[start + span])
         parts.append(Constraints(start, start + span, measured, information, np.ones(len(start), np.bool_)))
     return parts

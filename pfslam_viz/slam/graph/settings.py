@@ -74,7 +74,7 @@ class FilterConstraintsConfig(Section):
 
     least_angle: float = setting(0.005, "error of the heading at least ...", "rad", gt=0)
     noise_angle: float = setting(0.02, "... and so much more per rad turned", gt=0)
-    spans: tuple[Hop, ...] = setting((15, 60), "key scans over which its heading is held, if the scans prefer that")
+    spans: tuple[Hop, ...] = setting((16, 64), "key scans over which its heading is held, if the scans prefer that")
     span_angle: float = setting(0.003, "error of the heading over such a span", "rad", gt=0)
     sure: float = setting(2.0, "standard errors from which they do")
     least_distance: float = setting(0.1, "error of the position across walls at least ...", "m", gt=0)
