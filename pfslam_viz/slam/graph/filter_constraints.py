@@ -22,7 +22,7 @@ Indices = NDArray[np.int64]
 def filter_constraints(
     scans: ScanStore, increments: Array, joints: Indices, config: FilterConstraintsConfig
 ) -> Constraints:
-    """The filter's ``increments`` (k - 1, 3) from key scan to key scan at some ``joints`` (j,), as robust constraints."""
+    """The filter's ``increments`` (k - 1, 3) between key scans at some ``joints`` (j,), as robust constraints."""
     measured = increments[joints]
     driven, turned_by = np.hypot(measured[:, 0], measured[:, 1]), np.abs(measured[:, 2])
     firmness = (config.least_distance + config.noise_distance * driven) ** -2.0

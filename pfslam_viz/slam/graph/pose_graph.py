@@ -16,7 +16,7 @@ from pfslam_viz import geometry
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-CLOSE, MOST_STEPS = 1e-8, 12  # how exactly conjugate gradients solve for a step, and in how many of their own at most
+CLOSE, MOST_GRADIENTS = 1e-5, 20  # how exactly steps after the first are solved for, relatively, or else factored anew
 DAMPING = 1e-9  # 1/m² and 1/rad²: what no constraint holds stays, and the matrix can be factored
 
 
@@ -106,7 +106,7 @@ def optimize(
     columns = [(a[:, None] * 3 + rows3)[:, None, :] + np.zeros((1, 3, 1), np.intp) for a in (i, j)]
     row = np.concatenate([blocks[0].ravel(), blocks[0].ravel(), blocks[1].ravel(), blocks[1].ravel()])
     column = np.concatenate([columns[0].ravel(), columns[1].ravel(), columns[0].ravel(), columns[1].ravel()])
-    factor = None
+    factors = None
     for _ in range(iterations):
         error = residuals(x, constraints)
         a, b = _jacobians(x, constraints)
@@ -118,13 +118,13 @@ def optimize(
         np.add.at(gradient, i, (at @ error[:, :, None])[:, :, 0])
         np.add.at(gradient, j, (bt @ error[:, :, None])[:, :, 0])
         reduced = hessian[3:, 3:] + DAMPING * _identity(3 * n - 3)
-        down, missed = -gradient.ravel()[3:], 1
-        if factor is not None:  # the weights have changed a little: nearly the inverse is good for a few steps of CG
-            near = LinearOperator(reduced.shape, factor.solve)
-            step, missed = cg(reduced, down, rtol=CLOSE, maxiter=MOST_STEPS, M=near)
+        downhill, missed = -gradient.ravel()[3:], 1
+        if factors is not None:  # those of the step before are nearly right: a few conjugate gradients do the rest
+            nearly = LinearOperator(reduced.shape, factors.solve)
+            step, missed = cg(reduced, downhill, rtol=CLOSE, maxiter=MOST_GRADIENTS, M=nearly)
         if missed:
-            factor = splu(reduced, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
-            step = factor.solve(down)
+            factors = splu(reduced, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+            step = factors.solve(downhill)
         change = step.reshape(-1, 3)
         x[1:] += change
         x[1:, 2] = geometry.wrap(x[1:, 2])

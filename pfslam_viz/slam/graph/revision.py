@@ -1,10 +1,9 @@
 """Closing loops while the robot drives: when the trajectory so far is to be settled anew, and what comes of it.
 
-Most of the time the filter knows best. Three things are a reason to look back: the scans of an earlier visit do not match
-where the trajectory says they should; a place is recognised that the trajectory has drifted away from; and every so
-often the mere number of scans since the last time. What is found is taken over only if scans that were not matched
-prefer it, as at the end of the run. As in graph-based SLAM with a front end and a back end (Hess et al. 2016), where
-here the front end is the particle filter.
+Three things are a reason to look back: the scans of an earlier visit do not match where the trajectory says they
+should; a place is recognised that the trajectory has drifted away from; and every so often the mere number of scans
+since the last time. What is found is taken over only if scans that were not matched prefer it, as at the end of the run. As in
+graph-based SLAM with a front end and a back end (Hess et al. 2016), where here the front end is the particle filter.
 """
 
 import numpy as np
@@ -31,13 +30,16 @@ class Reviser:
     """Looks at the key scans of a run as they come, and tells when hindsight knows better."""
 
     def __init__(self, config: GraphConfig) -> None:
-        self.config = config
+        c = config.revision
+        settled = {"settled_distance": c.settled_distance, "settled_angle": c.settled_angle}
+        smoothing = config.smoothing.model_copy(update=settled)
+        self.config = config.model_copy(update={"smoothing": smoothing})  # for the smoother of revisions
         self._seen = 0  # key scans looked at
         self._last = 0  # key scans there were at the last revision, taken over or not
         self._matched = NOTHING  # all neighbours, as they were matched when they came
         self._closures = NOTHING  # recognised places that nothing has confirmed yet
         self._deviation, self._measured = np.zeros(2), 0  # of a match, and how many matches told it
-        self._held, self._chosen = False, 0  # whether the filter's headings are held, and at how many key scans it was chosen
+        self.held, self._chosen = True, 0  # whether the filter's headings are held, as chosen at so many key scans
         self.closed: Indices = np.zeros((0, 2), np.int64)  # pairs of key scans whose loops were closed
 
     def is_due(self, count: int) -> bool:
@@ -52,7 +54,8 @@ class Reviser:
         """
         c, n = self.config.revision, len(poses)
         off = self._look(smoother.scans, poses)
-        loops = self._recognise(smoother, poses) if self.config.loop_closing.enabled else []
+        searched = self.config.loop_closing.enabled and off is None
+        loops = self._recognise(smoother, poses) if searched else []
         self._seen = n
         since = n - self._last
         rested = since >= max(c.pause, c.pause_share * n)
@@ -61,12 +64,13 @@ class Reviser:
         self._last = n
         gates = np.array(self.config.smoothing.gates)
         smoother.learn_errors(poses)
-        if n > (1.0 + c.regular_share) * self._chosen:
+        smoother.held = self.held
+        if n >= max(c.first_choice, (1.0 + c.choice_share) * self._chosen):
             self._chosen = n
-            smoother.choose_held(poses)
-            self._held = smoother.held
-        smoother.held = self._held
-        revised, support = smoother.relax(poses, gates)
+            revised, support = smoother.choose_held(poses)
+            self.held = smoother.held
+        else:
+            revised, support = smoother.relax(poses, gates)
         revised, _, joined = smoother.close_best(revised, support, loops)
         if len(joined):
             self.closed = np.concatenate([self.closed, joined])
@@ -77,15 +81,18 @@ class Reviser:
             return None
         return Smoothed(revised, joined)
 
-    def _look(self, scans: ScanStore, poses: Array) -> bool:
-        """Match the key scans since the last time with their neighbours: whether earlier visits are off."""
+    def _look(self, scans: ScanStore, poses: Array) -> bool | None:
+        """Match the key scans since the last time with their neighbours: whether earlier visits are off.
+
+        None where hardly one matches: the place is new, or not where the trajectory says.
+        """
         c, s = self.config.revision, self.config.smoothing
         pairs = neighbouring(poses, s, self._seen)
         matched = match(scans, poses, pairs, np.array(s.first_gates), s)
         self._matched = Constraints.join([self._matched, matched])
         visits = matched.pick(np.flatnonzero(matched.end - matched.start > max(s.hops)))
         if len(visits) < c.fewest_visits:
-            return False
+            return None
         missed = residuals(poses, visits)
         far, turned = np.median(np.hypot(missed[:, 0], missed[:, 1])), np.median(np.abs(missed[:, 2]))
         return bool(far > c.shift or turned > c.turn)

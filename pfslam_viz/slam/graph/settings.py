@@ -75,8 +75,8 @@ class FilterConstraintsConfig(Section):
     least_angle: float = setting(0.005, "error of the heading at least ...", "rad", gt=0)
     noise_angle: float = setting(0.02, "... and so much more per rad turned", gt=0)
     spans: tuple[Hop, ...] = setting((16, 64), "key scans over which its heading is held, if the scans prefer that")
-    span_angle: float = setting(0.003, "error of the heading over such a span", "rad", gt=0)
-    sure: float = setting(2.0, "standard errors from which they do")
+    span_angle: float = setting(0.0015, "error of the heading over such a span", "rad", gt=0)
+    sure: float = setting(2.0, "standard errors from which they do", ge=0)
     least_distance: float = setting(0.1, "error of the position across walls at least ...", "m", gt=0)
     noise_distance: float = setting(0.05, "... and so much more per m driven", gt=0)
     least_share: float = setting(0.1, "share of the walls below which an increment says nothing along them", ge=0, lt=1)
@@ -182,6 +182,7 @@ class EvidenceConfig(Section):
     alike_angle: float = setting(0.0005, "... and so much says nothing", "rad", ge=0)
     least_told: float = setting(0.1, "share of end points with something to say from which a pair counts", ge=0, le=1)
     block: int = setting(20, "successive key scans, whose evidence is not independent", ge=1)
+    fewest_blocks: int = setting(3, "of them that have to say something", ge=2)
     sure: float = setting(1.0, "standard errors from which a loop is closed on their word", ge=0)
     preferred: float = setting(0.5, "standard errors from which the settled trajectory is kept, which knows more")
 
@@ -195,8 +196,14 @@ class RevisionConfig(Section):
     turn: float = setting(0.01, "... or by so much", "rad", gt=0)
     fewest_visits: int = setting(3, "matched visits that tell it, at least", ge=1)
     pause: int = setting(20, "key scans from one revision to the next, at least ...", ge=1)
-    pause_share: float = setting(0.1, "... and such a share of all so far; found loops do not wait", ge=0)
+    pause_share: float = setting(0.2, "... and such a share of all so far; found loops do not wait", ge=0)
     regular_share: float = setting(0.3, "such a share more key scans are a reason of their own", gt=0)
+    choice_share: float = setting(
+        1.0, "such a share more key scans, and it is chosen anew whether the filter's headings are held", gt=0
+    )
+    first_choice: int = setting(200, "key scans from which it is chosen; before that they are", ge=1)
+    settled_distance: float = setting(5e-3, "relaxing stops when no pose moves by more ...", "m", gt=0)
+    settled_angle: float = setting(1e-3, "... or turns by more", "rad", gt=0)
     least_move: float = setting(0.02, "a revision that moves no pose farther is dropped", "m", gt=0)
     sure: float = setting(0.5, "standard errors from which the scans prefer a revision")
 

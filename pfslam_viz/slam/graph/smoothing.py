@@ -34,9 +34,9 @@ class Smoothed:
 class Smoother:
     """The pose graph over one recording's key scans.
 
-    ``odometry`` (k, 3) leads from every key scan to the next; row 0 is not used. ``found`` (k - 1, 3) is what the filter
-    made of it. ``unknown`` (k, 3) m, m, rad is by how much the odometry may be wrong besides its noise, where it knew
-    nothing.
+    ``odometry`` (k, 3) leads from every key scan to the next; row 0 is not used. ``found`` (k - 1, 3) is what the
+    filter made of it. ``unknown`` (k, 3) m, m, rad is by how much the odometry may be wrong besides its noise, where
+    it knew nothing.
     """
 
     def __init__(
@@ -57,11 +57,9 @@ class Smoother:
         closed = np.zeros((0, 2), np.int64)
         if len(poses) < 3:
             return Smoothed(poses, closed)
-        gates = np.array(self.config.gates)
         poses, _ = self.relax(poses, np.array(self.config.first_gates))
         self.learn_errors(poses)
-        self.choose_held(poses)
-        poses, support = self.relax(poses, gates)
+        poses, support = self.choose_held(poses)
         if self.loops.enabled:
             for _ in range(self.loops.searches):
                 loops = find_loops(self.scans, poses, self.drift(poses, closed), self.loops)
@@ -70,7 +68,7 @@ class Smoother:
                     break
                 closed = np.concatenate([closed, joined])
         for _ in range(self.config.rounds - 2):
-            poses, _ = self.relax(poses, gates)
+            poses, _ = self.relax(poses, np.array(self.config.gates))
         return Smoothed(poses, closed)
 
     def close_best(self, poses: Array, support: float, loops: list[Constraints]) -> tuple[Array, float, Indices]:
@@ -102,8 +100,8 @@ class Smoother:
         spans = heading_spans(self._found, c) if self.held else []
         return [motion, filter_constraints(self.scans, self._found, alone, c), *spans]
 
-    def choose_held(self, poses: Array) -> None:
-        """Decide whether to hold the headings that the filter found over long spans.
+    def choose_held(self, poses: Array) -> tuple[Array, float]:
+        """Decide whether to hold the headings that the filter found over long spans, and relax the graph accordingly.
 
         Errors of matches between neighbours that are alike (a lidar whose ranges are off bends every wall the same way)
         add up along the way; those of matches with the map do not, as long as the same walls are in view. Elsewhere the
@@ -111,13 +109,16 @@ class Smoother:
         """
         gates = np.array(self.config.gates)
         matched = match(self.scans, poses, neighbouring(poses, self.config), gates, self.config)
-        graphs = []
+        graphs, before = [], self.held
         for held in (False, True):
             self.held = held
             constraints = Constraints.join([*self._driven(poses, matched), matched])
-            graphs.append(self._optimize(poses, constraints, self.config.iterations))
-        verdict = compare(self.scans, graphs[1], graphs[0], self._settings.evidence)
-        self.held = verdict.sigmas > self._settings.filter_constraints.sure
+            relaxed = self._optimize(poses, constraints, self.config.iterations)
+            graphs.append((relaxed, float(weights(relaxed, constraints, self.config.scale).sum())))
+        verdict = compare(self.scans, graphs[1][0], graphs[0][0], self._settings.evidence)
+        sure = self._settings.filter_constraints.sure
+        self.held = verdict.sigmas > (-sure if before else sure)  # as before, unless there is good reason to change
+        return graphs[self.held]
 
     def learn_errors(self, poses: Array) -> None:
         """Find the wheels' scale and the odometry's noise from all successive key scans that can tell.
@@ -153,7 +154,7 @@ class Smoother:
         return self.drift_by(poses, closed, matched, deviation)
 
     def drift_by(self, poses: Array, closed: Indices, matched: Constraints, deviation: Array) -> Drift:
-        """The same from what is ``matched``, each match with the ``deviation`` (2,) m, rad of one between neighbours."""
+        """The same from what is ``matched``, with the ``deviation`` (2,) m, rad of matches between neighbours."""
         hops, config = self.config.hops, self._settings.drift
         matched = self.sound(poses, matched)
         visits = matched.end - matched.start > max(hops)

@@ -11,12 +11,11 @@ Indices = NDArray[np.int64]
 
 
 @njit(cache=True, nogil=True)
-def earlier_visits(
-    poses: Array, radius: float, apart: int, most: int, turn_length: float, since: int = 0
-) -> Indices:
+def earlier_visits(poses: Array, radius: float, apart: int, most: int, turn_length: float, since: int = 0) -> Indices:
     """Pairs (p, 2): for every key scan up to ``most`` earlier ones within ``radius`` m, the nearest of each visit.
 
-    Only key scans from ``since`` on are looked at. A rad between their headings counts as ``turn_length`` m. The plain twin is in the tests.
+    Only key scans from ``since`` on are looked at. A rad between their headings counts as ``turn_length`` m. The plain
+    twin is in the tests.
     """
     n = len(poses)
     found = np.empty(((n - since) * most, 2), np.int64)

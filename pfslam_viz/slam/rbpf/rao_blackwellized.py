@@ -15,6 +15,7 @@ from pfslam_viz.slam.graph.pose_graph import turned
 from pfslam_viz.slam.graph.revision import Reviser
 from pfslam_viz.slam.graph.scan_matching import open_direction
 from pfslam_viz.slam.graph.scan_store import Matches, ScanStore
+from pfslam_viz.slam.graph.settings import GraphConfig
 from pfslam_viz.slam.graph.smoothing import Smoother
 from pfslam_viz.slam.graph.walls import within
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
@@ -298,7 +299,7 @@ class RaoBlackwellizedFilter(Belief):
         if not self._keyed or not self._reviser.is_due(len(self._history)):
             return None
         before = self._history.key_poses(self._leader)
-        revised = self._reviser.revise(self._smoother(), before)
+        revised = self._reviser.revise(self._smoother(self._reviser.config), before)
         if revised is None:
             return None
         particles, weights = self._weighed
@@ -313,11 +314,11 @@ class RaoBlackwellizedFilter(Belief):
         moved = float(np.hypot(*(revised.poses - before)[:, :2].T).max())
         return Revision(self.trajectory(), tuple(self._closure(int(a), int(b)) for a, b in revised.closed), moved)
 
-    def _smoother(self) -> Smoother:
+    def _smoother(self, config: GraphConfig) -> Smoother:
         s = self._settings
         unknown = self._history.unknown() * [s.unknown_speed, s.unknown_speed, s.unknown_turn]
         found = self._history.increments(self._leader)
-        return Smoother(self._scans, self._history.odometry(), found, self.config, unknown)
+        return Smoother(self._scans, self._history.odometry(), found, config, unknown)
 
     def _redrawn(self, poses: Array) -> TileMaps:
         """One map of all key scans, as seen from ``poses`` (k, 3)."""
@@ -334,7 +335,7 @@ class RaoBlackwellizedFilter(Belief):
         if not self.config.smoothing.enabled or len(self._scans) == 0:
             return
         before = self._key_poses()
-        smoothed = self._smoother().smooth(before)
+        smoothed = self._smoother(self.config).smooth(before)
         self._verdict = compare(self._scans, smoothed.poses, before, self.config.evidence)
         closed = self._reviser.closed
         if self._verdict.sigmas >= self.config.evidence.preferred:
