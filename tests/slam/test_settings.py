@@ -27,6 +27,7 @@ from pfslam_viz.slam.graph.drift import Drift
 from pfslam_viz.slam.graph.evidence import compare
 from pfslam_viz.slam.graph.loop_closing import find_candidates
 from pfslam_viz.slam.graph.pose_graph import Constraints
+from pfslam_viz.slam.graph.revision import Reviser
 from pfslam_viz.slam.graph.scan_store import ScanStore
 from pfslam_viz.slam.graph.settings import (
     DriftConfig,
@@ -35,6 +36,7 @@ from pfslam_viz.slam.graph.settings import (
     GraphConfig,
     LoopClosingConfig,
     OdometryConfig,
+    RevisionConfig,
     ScanMatchingConfig,
     SmoothingConfig,
 )
@@ -86,13 +88,6 @@ OTHER: dict[str, Any] = {
 }
 VAGUE = ["scan_overlap=1.0", "noise_distance=1.0", "noise_drift=1.0"]  # the map has to find out how the robot moved
 SEARCHING = [f"rao_blackwellized.{setting}" for setting in VAGUE]
-REVISING = [  # a drive as short as this would not be revised
-    "evidence.block=2",
-    "revision.pause=6",
-    "revision.first_choice=10",
-    "revision.least_move=0.0001",
-    "filter_constraints.spans=[4]",
-]
 # What must be so for a setting to be of use.
 GIVEN = {
     "rao_blackwellized.start_window": SEARCHING,
@@ -109,10 +104,6 @@ GIVEN = {
     "resampling.threshold": ["resampling.policy=n_eff"],
     "resampling.scheme": ["resampling.policy=always"],
     "odometry": ["odometry.prior_motions=1", "odometry.scale_motions=3"],
-    "revision": REVISING,
-    "filter_constraints.spans": ["filter_constraints.spans=[4]", "filter_constraints.sure=0"],
-    "filter_constraints.span_angle": ["filter_constraints.spans=[4]", "filter_constraints.sure=0"],
-    "filter_constraints.sure": REVISING,
     "rao_blackwellized.scan_good": ["odometry.prior_motions=1"],
     "rao_blackwellized.scan_better": ["rao_blackwellized.scan_good=1.0"],
     "rao_blackwellized.scan_freedom": ["rao_blackwellized.scan_near=0.0"],
@@ -236,11 +227,16 @@ FILTER = (
     "scan_matching",
     "odometry",
     "filter_constraints",
-    "revision",
 )
+SPANS = ("spans", "span_angle", "sure")  # of the filter's constraints; a short drive has none
 
 
-@pytest.mark.parametrize(("key", "field"), list(cases(RbpfConfig, FILTER)))
+def of_a_short_drive() -> Iterator[Any]:
+    spans = {f"filter_constraints.{name}" for name in SPANS}
+    return (case for case in cases(RbpfConfig, FILTER) if case.values[0] not in spans)
+
+
+@pytest.mark.parametrize(("key", "field"), list(of_a_short_drive()))
 def test_every_setting_of_the_filter_with_a_map_per_particle(key: str, field: FieldInfo) -> None:
     assert differs("default", key, field, "particles=3", "loop_closing.enabled=false")
 
@@ -409,8 +405,10 @@ EVIDENCE_OTHER: dict[str, Any] = {
     "margin": 1.0,
     "margin_share": 0.3,
     "least_told": 0.99,
+    "alike_distance": 0.05,
+    "alike_angle": 0.02,
 }
-EVIDENCE_GIVEN = {"turn_length": {"visits": 1, "apart": 8}}
+EVIDENCE_GIVEN = {"turn_length": {"visits": 1, "apart": 8}, "fewest_blocks": {"block": 1000}}
 
 
 @pytest.mark.parametrize("key", [key for key in EvidenceConfig.model_fields if key not in ("sure", "preferred")])
@@ -422,6 +420,71 @@ def test_every_setting_of_the_evidence(key: str, round_the_block: Round) -> None
     one, two = (
         compare(store, poses, other, EvidenceConfig.model_validate(given | change)) for change in ({}, {key: value})
     )
+    assert one != two
+
+
+REVISION: dict[str, Any] = {  # so that a round of 150 key scans has reasons to be revised, and choices to be made
+    "pause": 4,
+    "first_choice": 20,
+    "choice_sure": 0.0,
+    "choice_share": 0.2,
+    "regular_share": 0.3,
+}
+REVISION_OTHER: dict[str, Any] = {
+    "shift": 100.0,
+    "turn": 100.0,
+    "choice_sure": 1e9,
+    "sure": 1e9,
+    "least_move": 100.0,
+    "first_choice": 10**6,
+    "fewest_visits": 10**6,
+    "settled_distance": 10.0,
+    "settled_angle": 1e-9,
+    "pause": 80,
+    "pause_share": 5.0,
+}
+REVISION_GIVEN: dict[str, dict[str, Any]] = {
+    "shift": {"turn": 100.0, "regular_share": 1e9},
+    "turn": {"shift": 100.0, "regular_share": 1e9, "turn": 1e-6},
+    "fewest_visits": {"regular_share": 1e9},
+    "pause": {"pause_share": 0.0},
+    "settled_angle": {"settled_angle": 10.0, "settled_distance": 1e9},
+}
+
+
+def revised(given: Round, revision: dict[str, Any], held: dict[str, Any]) -> str:
+    """What comes of a run whose filter goes on along its drifted poses, whatever is found."""
+    poses, odometry, scans = given
+    filter_constraints = FilterConstraintsConfig.model_validate({"spans": (8,), "fewest_walls": 10**6} | held)
+    config = GraphConfig(
+        smoothing=SMOOTHING,
+        odometry=ODOMETRY,
+        filter_constraints=filter_constraints,
+        revision=RevisionConfig.model_validate(revision),
+    )
+    store, reviser, seen = ScanStore(np.zeros(2), ScanMatchingConfig()), Reviser(config), []
+    for k, points in enumerate(scans, start=1):
+        store.add(points)
+        if reviser.is_due(k):
+            found = geometry.between(poses[: k - 1], poses[1:k])
+            smoother = Smoother(store, odometry[:k], found, reviser.config)
+            anew = reviser.revise(smoother, poses[:k])
+            seen.append(np.array([reviser.held]) if anew is None else anew.poses)
+    return digest(*seen)
+
+
+@pytest.mark.parametrize("key", [k for k in RevisionConfig.model_fields if k not in ("enabled", "doubtful")])
+def test_every_setting_of_the_revision(key: str, round_the_block: Round) -> None:
+    given = RevisionConfig().model_dump() | REVISION | REVISION_GIVEN.get(key, {})
+    value = REVISION_OTHER.get(key, changed("", RevisionConfig.model_fields[key], given[key]))
+    assert revised(round_the_block, given, {}) != revised(round_the_block, given | {key: value}, {})
+
+
+@pytest.mark.parametrize(("key", "value"), [("spans", (16,)), ("span_angle", 0.1)])
+def test_every_setting_of_the_filters_spans(key: str, value: Any, round_the_block: Round) -> None:
+    given = RevisionConfig().model_dump() | REVISION | {"sure": -1e9}
+    monkey = {"choice_sure": 0.0, "first_choice": 20}
+    one, two = (revised(round_the_block, given | monkey, change) for change in ({}, {key: value}))
     assert one != two
 
 
