@@ -49,8 +49,8 @@ class Verdict:
     """What the scans say of one trajectory against another.
 
     ``gain`` is the mean over pairs of scans by how much more end points agree, in shares of a scan; ``sigmas`` that
-    over its standard error, 0 where too little of the way has something to say; ``pairs`` how many pairs had something
-    to say. Pairs that both trajectories put alike have not.
+    over its standard error; ``pairs`` how many pairs had something to say. Pairs that both trajectories put alike have
+    not.
     """
 
     gain: float
@@ -64,14 +64,13 @@ def compare(scans: ScanStore, poses: Array, others: Array, config: EvidenceConfi
     pairs = pairs[_differ(poses, others, pairs, config)]
     mine, theirs = agreement(scans, poses, pairs, config), agreement(scans, others, pairs, config)
     told = (mine != 0.0) | (theirs != 0.0)
-    difference, block = (mine - theirs)[told], pairs[told, 1] // config.block
+    size = max(min(config.block, len(poses) // config.fewest_blocks), 1)
+    difference, block = (mine - theirs)[told], pairs[told, 1] // size
     if len(difference) == 0:
         return Verdict(0.0, 0.0, 0)
     sums = np.bincount(block, difference)
     counts = np.bincount(block)
     gain = float(difference.mean())
-    if np.count_nonzero(counts) < config.fewest_blocks:
-        return Verdict(gain, 0.0, len(difference))
     spread = math.sqrt(float(((sums - gain * counts) ** 2).sum())) / len(difference)
     return Verdict(gain, gain / max(spread, 1e-9), len(difference))
 

@@ -2,8 +2,9 @@
 
 Three things are a reason to look back: the scans of an earlier visit do not match where the trajectory says they
 should; a place is recognised that the trajectory has drifted away from; and every so often the mere number of scans
-since the last time. What is found is taken over only if scans that were not matched prefer it, as at the end of the run. As in
-graph-based SLAM with a front end and a back end (Hess et al. 2016), where here the front end is the particle filter.
+since the last time. What is found is taken over only if scans that were not matched prefer it, as at the end of the
+run. As in graph-based SLAM with a front end and a back end (Hess et al. 2016), where here the front end is the particle
+filter.
 """
 
 import numpy as np

@@ -182,7 +182,7 @@ class EvidenceConfig(Section):
     alike_angle: float = setting(0.0005, "... and so much says nothing", "rad", ge=0)
     least_told: float = setting(0.1, "share of end points with something to say from which a pair counts", ge=0, le=1)
     block: int = setting(20, "successive key scans, whose evidence is not independent", ge=1)
-    fewest_blocks: int = setting(3, "of them that have to say something", ge=2)
+    fewest_blocks: int = setting(4, "of them, which are shorter on a way that has not so many", ge=2)
     sure: float = setting(1.0, "standard errors from which a loop is closed on their word", ge=0)
     preferred: float = setting(0.5, "standard errors from which the settled trajectory is kept, which knows more")
 

@@ -108,6 +108,8 @@ class Smoother:
         neighbours are the better witness. Scans that were not matched with each other tell which it is.
         """
         gates = np.array(self.config.gates)
+        if not self._settings.filter_constraints.spans:
+            return self.relax(poses, gates)
         matched = match(self.scans, poses, neighbouring(poses, self.config), gates, self.config)
         graphs, before = [], self.held
         for held in (False, True):
@@ -120,7 +122,7 @@ class Smoother:
         self.held = verdict.sigmas > (-sure if before else sure)  # as before, unless there is good reason to change
         return graphs[self.held]
 
-    def learn_errors(self, poses: Array) -> None:
+    def learn_errors(self, poses: Array) -> OdometryErrors:
         """Find the wheels' scale and the odometry's noise from all successive key scans that can tell.
 
         A worn or badly measured wheel is wrong by the same share everywhere. Where a corridor leaves the scans no say,
@@ -134,6 +136,7 @@ class Smoother:
         self._errors = OdometryErrors.of(
             config, self._odometry[found.end], found.measured, found.information, deviation
         )
+        return self._errors
 
     def is_better(self, trial: Array, poses: Array, gain: float) -> bool:
         """Whether a loop is to be closed: ``trial`` (k, 3) with it closed, ``poses`` (k, 3) without.
