@@ -1,4 +1,6 @@
-"""Pairs of scans that two trajectories put alike say nothing, and few places are no evidence."""
+"""Pairs of scans that two trajectories put alike say nothing, and one place is no evidence."""
+
+import math
 
 import numpy as np
 import pytest
@@ -6,14 +8,14 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.simulation.sensors import true_ranges
-from pfslam_viz.slam.graph.evidence import compare
+from pfslam_viz.slam.graph.evidence import agreement, compare
 from pfslam_viz.slam.graph.scan_store import ScanStore
 from pfslam_viz.slam.graph.settings import EvidenceConfig, ScanMatchingConfig
 
 Array = NDArray[np.float64]
 
 HOPS = (3, 6, 12, 24)
-CONFIG = EvidenceConfig(hops=HOPS, visits=0, block=20, fewest_blocks=3, alike_distance=0.002, alike_angle=0.0005)
+CONFIG = EvidenceConfig(hops=HOPS, visits=0, block=20, fewest_blocks=4, alike_distance=0.002, alike_angle=0.0005)
 ANGLES = np.linspace(-0.75 * np.pi, 0.75 * np.pi, 181)
 ROOM = np.array(
     [(-3.0, -3, 12, -3), (12, -3, 12, 4), (12, 4, -3, 4), (-3, 4, -3, -3), (3, 2, 5, 2), (5, 2, 5, 4), (3, 2, 3, 4)]
@@ -83,11 +85,33 @@ def test_pairs_that_say_nothing_do_not_water_down_the_gain(scans: ScanStore, tru
     assert every.gain == pytest.approx(one.gain * 45 / 275, rel=1e-3)  # what is alike differs by rounding
 
 
-@pytest.mark.parametrize(("fewest", "told"), [(2, True), (3, False)])
-def test_a_tear_in_one_place_is_no_evidence(fewest: int, told: bool, scans: ScanStore, truth: Array) -> None:
-    """The later scans of those pairs are 50 to 73: blocks of 20 are the third and the fourth, and no more than that."""
-    config = CONFIG.model_copy(update={"fewest_blocks": fewest})
+@pytest.mark.parametrize(("block", "fewest", "size"), [(20, 4, 20), (20, 8, 10), (5, 4, 5), (20, 1000, 1)])
+def test_a_short_way_is_judged_by_shorter_blocks(
+    block: int, fewest: int, size: int, scans: ScanStore, truth: Array
+) -> None:
+    """80 key scans are 4 blocks of 20, 8 of 10; the standard error of a mean over blocks of different weight, by hand.
+
+    The later scans of the pairs across the tear are 50 to 73.
+    """
     wrong = torn(truth, (0.0, 0.3, 0.1))
-    for verdict, sign in ((compare(scans, truth, wrong, config), 1.0), (compare(scans, wrong, truth, config), -1.0)):
-        assert sign * verdict.gain > 0.2 and verdict.pairs == 45
-        assert sign * verdict.sigmas > 1.0 if told else verdict.sigmas == 0.0
+    verdict = compare(scans, truth, wrong, CONFIG.model_copy(update={"block": block, "fewest_blocks": fewest}))
+    pairs = np.array([(k, k + hop) for hop in HOPS for k in range(TEAR - hop, TEAR)])
+    values = agreement(scans, truth, pairs, CONFIG) - agreement(scans, wrong, pairs, CONFIG)
+    mean = values.mean()
+    square = 0.0
+    for first in range(0, COUNT, size):
+        inside = (pairs[:, 1] >= first) & (pairs[:, 1] < first + size)
+        square += float((values[inside] - mean).sum()) ** 2
+    assert verdict.gain == pytest.approx(mean) and verdict.pairs == 45
+    assert verdict.sigmas == pytest.approx(mean * 45 / math.sqrt(square))
+    back = compare(scans, wrong, truth, CONFIG.model_copy(update={"block": block, "fewest_blocks": fewest}))
+    assert back.sigmas == pytest.approx(-verdict.sigmas)
+
+
+def test_one_block_alone_is_no_evidence(scans: ScanStore, truth: Array) -> None:
+    """It has no spread: how sure it is cannot be told. Its later scans are 70 to 75, of the block from 60 to 80."""
+    wrong = truth.copy()
+    wrong[70:] = geometry.compose(wrong[70:], [0.0, 0.3, 0.1])
+    verdict = compare(scans, truth, wrong, CONFIG.model_copy(update={"hops": (3, 6), "fewest_blocks": 4}))
+    assert verdict.gain > 0.2 and verdict.pairs > 9
+    assert verdict.sigmas == 0.0
