@@ -13,7 +13,7 @@ from pfslam_viz.slam.protocol import Estimate, LoopClosure, Revision
 from pfslam_viz.step import Step
 from pfslam_viz.viewer import entities
 from pfslam_viz.viewer.collector import Collector, StreamOptions
-from pfslam_viz.viewer.contents import Boxes, Cells, Lines, grid_map
+from pfslam_viz.viewer.contents import Boxes, Cells, Lines, Spots, grid_map
 from pfslam_viz.viewer.events import Chronicle
 from pfslam_viz.viewer.trail import Trail
 
@@ -235,6 +235,17 @@ def test_closed_loops_are_drawn_as_they_come(collected: tuple[Collector, list[St
     pairs = [[[0.0, 0.5], [1.2, 0.5]], [[0.1, 0.5], [1.3, 0.5]], [[0.4, 0.5], [1.6, 0.5]]]
     np.testing.assert_allclose(np.array(first.strips), pairs[:2], atol=1e-6)
     np.testing.assert_allclose(np.array(second.strips), pairs, atol=1e-6)
+
+
+def test_a_closed_loop_is_marked_on_the_map(collected: tuple[Collector, list[Step]]) -> None:
+    """Where the robot was after scans 13 and 17, as at the end of a run; the revision without a loop is not."""
+    collector, _ = collected
+    _, taken = collector.take()
+    found = [c for c in taken if c.path == entities.CLOSED_AT.path(entities.ONLY_RUN)]
+    assert [c.step for c in found] == [13, 17]
+    last = found[-1].content
+    assert isinstance(last, Spots)
+    np.testing.assert_allclose(last.points, [[1.3, 0.0], [1.7, 0.0]], atol=1e-6)
 
 
 def test_events_are_collected_with_their_scans(collected: tuple[Collector, list[Step]]) -> None:
