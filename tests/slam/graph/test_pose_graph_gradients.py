@@ -89,9 +89,7 @@ def test_a_second_step_costs_no_factors_where_weights_stay(factored: list[int]) 
     np.testing.assert_allclose(found, nearly, rtol=0.0, atol=1e-5)
 
 
-def test_too_few_gradients_are_not_taken_for_a_solution(
-    factored: list[int], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_too_few_gradients_are_not_taken_for_a_solution(factored: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
     """One is not enough from far: every step is factored, and the result is the same."""
     poses, constraints = rounds(0, False)
     expected = relax(poses, constraints)
