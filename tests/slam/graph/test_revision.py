@@ -1,6 +1,7 @@
 """When a trajectory is looked at anew on the way, on key scans cast round a block with known truth."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.simulation.sensors import true_ranges
+from pfslam_viz.slam.graph.odometry_errors import OdometryErrors
 from pfslam_viz.slam.graph.pose_graph import Constraints
 from pfslam_viz.slam.graph.revision import Reviser
 from pfslam_viz.slam.graph.scan_store import ScanStore
@@ -27,7 +29,7 @@ ANGLES = np.linspace(-0.75 * np.pi, 0.75 * np.pi, 181)
 BLIND = range(85, 100)
 
 
-def settings(loops: bool = False, radius: float = 2.0, **revision: float) -> GraphConfig:
+def settings(*, loops: bool = False, radius: float = 2.0, **revision: Any) -> GraphConfig:
     return GraphConfig(
         smoothing=SmoothingConfig(radius=radius),
         loop_closing=LoopClosingConfig(enabled=loops, least_reach=3.0),
@@ -99,8 +101,9 @@ class Scripted(Smoother):
         super().__init__(part(scans, len(answer)), steps, steps[1:], reviser.config)
         self.answer, self.asked, self.choice = answer, list[str](), False
 
-    def learn_errors(self, poses: Array) -> None:
+    def learn_errors(self, poses: Array) -> OdometryErrors:
         """Nothing to learn."""
+        return self._errors
 
     def relax(self, poses: Array, gates: Array) -> tuple[Array, float]:
         self.asked.append("held" if self.held else "free")
@@ -151,7 +154,7 @@ def test_the_mere_number_of_key_scans_is_a_reason_now_and_then(scans: ScanStore,
 
 
 def test_where_nothing_is_off_nothing_is_revised(scans: ScanStore, truth: Array) -> None:
-    """The filter is right to 2 mm, at the start and where it comes back to it: the real smoother is asked and agrees."""
+    """The filter is right to 2 mm, at the start and where it comes back: the real smoother is asked, and agrees."""
     poses = truth + np.random.default_rng(1).normal(0.0, [0.002, 0.002, 0.0005], truth.shape)
     reviser = Reviser(settings(loops=True, regular_share=0.01))
     for count in (100, 170, 190, 210):
@@ -161,7 +164,7 @@ def test_where_nothing_is_off_nothing_is_revised(scans: ScanStore, truth: Array)
 
 def test_a_revision_has_to_wait_for_the_pause(scans: ScanStore, truth: Array) -> None:
     """Any visit is off by more than a nanometre. 20 key scans, or a fifth of all: 42 of 210 are more than 40."""
-    always = {"shift": 1e-9, "regular_share": 10.0}
+    always: dict[str, Any] = {"shift": 1e-9, "regular_share": 10.0}
     counts = range(170, 212, 5)
     soon = Reviser(settings(pause=20, pause_share=0.0, **always))
     assert list(asked(soon, scans, truth, counts)) == [170, 190, 210]
@@ -175,7 +178,7 @@ def test_a_revision_has_to_wait_for_the_pause(scans: ScanStore, truth: Array) ->
 
 def test_too_few_visits_are_no_reason(scans: ScanStore, truth: Array) -> None:
     """Key scans 0 to 149 are no visits to anywhere; 170 on are."""
-    always = {"shift": 1e-9, "regular_share": 10.0, "pause": 20, "pause_share": 0.0}
+    always: dict[str, Any] = {"shift": 1e-9, "regular_share": 10.0, "pause": 20, "pause_share": 0.0}
     assert list(asked(Reviser(settings(**always)), scans, truth, range(100, 151, 5))) == [100]
     picky = Reviser(settings(fewest_visits=1000, **always))
     assert list(asked(picky, scans, truth, range(170, 212, 5))) == [170]
