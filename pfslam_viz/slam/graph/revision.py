@@ -40,7 +40,8 @@ class Reviser:
         self._matched = NOTHING  # all neighbours, as they were matched when they came
         self._closures = NOTHING  # recognised places that nothing has confirmed yet
         self._deviation, self._measured = np.zeros(2), 0  # of a match, and how many matches told it
-        self.held, self._chosen = True, 0  # whether the filter's headings are held, as chosen at so many key scans
+        self.held, self._chosen = False, 0  # whether the filter's headings are held, as chosen at so many key scans
+        self.moved = 0.0  # m, by the revision that moved a pose farthest
         self.closed: Indices = np.zeros((0, 2), np.int64)  # pairs of key scans whose loops were closed
 
     def is_due(self, count: int) -> bool:
@@ -68,7 +69,7 @@ class Reviser:
         smoother.held = self.held
         if n >= max(c.first_choice, (1.0 + c.choice_share) * self._chosen):
             self._chosen = n
-            revised, support = smoother.choose_held(poses)
+            revised, support = smoother.choose_held(poses, c.choice_sure)
             self.held = smoother.held
         else:
             revised, support = smoother.relax(poses, gates)
@@ -76,10 +77,12 @@ class Reviser:
         if len(joined):
             self.closed = np.concatenate([self.closed, joined])
             self._closures = NOTHING
-        if np.hypot(*(revised - poses)[:, :2].T).max() < c.least_move:
+        moved = float(np.hypot(*(revised - poses)[:, :2].T).max())
+        if moved < c.least_move:
             return None
         if compare(smoother.scans, revised, poses, self.config.evidence).sigmas < c.sure:
             return None
+        self.moved = max(self.moved, moved)
         return Smoothed(revised, joined)
 
     def _look(self, scans: ScanStore, poses: Array) -> bool | None:

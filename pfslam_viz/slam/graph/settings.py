@@ -74,8 +74,8 @@ class FilterConstraintsConfig(Section):
 
     least_angle: float = setting(0.005, "error of the heading at least ...", "rad", gt=0)
     noise_angle: float = setting(0.02, "... and so much more per rad turned", gt=0)
-    spans: tuple[Hop, ...] = setting((16, 64), "key scans over which its heading is held, if the scans prefer that")
-    span_angle: float = setting(0.0015, "error of the heading over such a span", "rad", gt=0)
+    spans: tuple[Hop, ...] = setting((30,), "key scans over which its heading is held, if the scans prefer that")
+    span_angle: float = setting(0.001, "error of the heading over such a span", "rad", gt=0)
     sure: float = setting(2.0, "standard errors from which they do", ge=0)
     least_distance: float = setting(0.1, "error of the position across walls at least ...", "m", gt=0)
     noise_distance: float = setting(0.05, "... and so much more per m driven", gt=0)
@@ -199,13 +199,17 @@ class RevisionConfig(Section):
     pause_share: float = setting(0.2, "... and such a share of all so far; found loops do not wait", ge=0)
     regular_share: float = setting(0.3, "such a share more key scans are a reason of their own", gt=0)
     choice_share: float = setting(
-        1.0, "such a share more key scans, and it is chosen anew whether the filter's headings are held", gt=0
+        0.6, "such a share more key scans, and it is chosen anew whether the filter's headings are held", gt=0
     )
-    first_choice: int = setting(200, "key scans from which it is chosen; before that they are", ge=1)
+    first_choice: int = setting(100, "key scans from which it is chosen; before that they are not", ge=1)
+    choice_sure: float = setting(0.5, "standard errors from which they are, or are not any more", ge=0)
     settled_distance: float = setting(5e-3, "relaxing stops when no pose moves by more ...", "m", gt=0)
     settled_angle: float = setting(1e-3, "... or turns by more", "rad", gt=0)
     least_move: float = setting(0.02, "a revision that moves no pose farther is dropped", "m", gt=0)
     sure: float = setting(0.5, "standard errors from which the scans prefer a revision")
+    doubtful: float = setting(
+        1.0, "where one moved the trajectory by more, the end starts from the filter's own, too", "m", ge=0
+    )
 
 
 class GraphConfig(Config):

@@ -59,7 +59,7 @@ class Smoother:
             return Smoothed(poses, closed)
         poses, _ = self.relax(poses, np.array(self.config.first_gates))
         self.learn_errors(poses)
-        poses, support = self.choose_held(poses)
+        poses, support = self.choose_held(poses, self._settings.filter_constraints.sure)
         if self.loops.enabled:
             for _ in range(self.loops.searches):
                 loops = find_loops(self.scans, poses, self.drift(poses, closed), self.loops)
@@ -100,12 +100,13 @@ class Smoother:
         spans = heading_spans(self._found, c) if self.held else []
         return [motion, filter_constraints(self.scans, self._found, alone, c), *spans]
 
-    def choose_held(self, poses: Array) -> tuple[Array, float]:
+    def choose_held(self, poses: Array, sure: float) -> tuple[Array, float]:
         """Decide whether to hold the headings that the filter found over long spans, and relax the graph accordingly.
 
         Errors of matches between neighbours that are alike (a lidar whose ranges are off bends every wall the same way)
         add up along the way; those of matches with the map do not, as long as the same walls are in view. Elsewhere the
-        neighbours are the better witness. Scans that were not matched with each other tell which it is.
+        neighbours are the better witness. Scans that were not matched with each other tell which it is, if they are
+        ``sure`` by so many standard errors; it stays as it is where they are not.
         """
         gates = np.array(self.config.gates)
         if not self._settings.filter_constraints.spans:
@@ -118,7 +119,6 @@ class Smoother:
             relaxed = self._optimize(poses, constraints, self.config.iterations)
             graphs.append((relaxed, float(weights(relaxed, constraints, self.config.scale).sum())))
         verdict = compare(self.scans, graphs[1][0], graphs[0][0], self._settings.evidence)
-        sure = self._settings.filter_constraints.sure
         self.held = verdict.sigmas > (-sure if before else sure)  # as before, unless there is good reason to change
         return graphs[self.held]
 

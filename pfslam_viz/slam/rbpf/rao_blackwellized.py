@@ -336,6 +336,11 @@ class RaoBlackwellizedFilter(Belief):
             return
         before = self._key_poses()
         smoothed = self._smoother(self.config).smooth(before)
+        if self._reviser.moved > self.config.revision.doubtful:  # perhaps for the worse
+            own = geometry.accumulate(np.vstack([before[:1], self._history.increments(self._leader)]))
+            other = self._smoother(self.config).smooth(own)
+            if compare(self._scans, other.poses, smoothed.poses, self.config.evidence).sigmas > 0.0:
+                smoothed = other
         self._verdict = compare(self._scans, smoothed.poses, before, self.config.evidence)
         closed = self._reviser.closed
         if self._verdict.sigmas >= self.config.evidence.preferred:
