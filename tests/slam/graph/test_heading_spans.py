@@ -48,13 +48,13 @@ def test_spans_of_a_drawn_trajectory() -> None:
 def test_each_kind_of_span_starts_every_half_of_it() -> None:
     """Of 101 key scans: 16 long from every 8th that has 16 after it, 64 long from 0 and 32, and 1 long from each."""
     increments = np.tile([0.2, 0.0, 0.01], (100, 1))
-    short, long, single = heading_spans(increments, FilterConstraintsConfig(spans=(16, 64, 1)))
+    short, long, single = heading_spans(increments, FilterConstraintsConfig(spans=(16, 64, 1), span_angle=0.002))
     assert short.start.tolist() == [0, 8, 16, 24, 32, 40, 48, 56, 64, 72, 80] and (short.end == short.start + 16).all()
     assert (long.start.tolist(), long.end.tolist()) == ([0, 32], [64, 96])
     assert (single.start.tolist(), single.end.tolist()) == (list(range(100)), list(range(1, 101)))
     np.testing.assert_allclose(short.measured[:, 2], 0.16)
     np.testing.assert_allclose(long.measured[:, 2], 0.64)
-    np.testing.assert_allclose(long.information[:, 2, 2], 0.5 / 0.0015**2)
+    np.testing.assert_allclose(long.information[:, 2, 2], 125000.0)  # half of 1 / 0.002²
 
 
 def test_a_trajectory_that_is_too_short_has_none() -> None:
@@ -71,7 +71,7 @@ def test_a_trajectory_that_is_too_short_has_none() -> None:
 ANGLES = np.linspace(-0.75 * np.pi, 0.75 * np.pi, 181)
 DRIFT = 0.0005  # rad a key scan: 0.1 rad and most of a metre in the end
 INFORMATION = np.diag([100.0**2, 100.0**2, 200.0**2])  # of a match: 1 cm, 5 mrad
-NO_FILTER = {"fewest_walls": 10**6}  # its increments from scan to scan say nothing
+FILTER = FilterConstraintsConfig(spans=(16, 64), span_angle=0.0015, fewest_walls=10**6)  # spans alone, no increments
 
 
 @pytest.fixture(scope="module")
@@ -111,10 +111,10 @@ def matching(poses: Array, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(smoothing, "match", match)
 
 
-def smoother_of(scans: ScanStore, found: Array, truth: Array, **given: float) -> Smoother:
+def smoother_of(scans: ScanStore, found: Array, truth: Array) -> Smoother:
     """``found`` are the filter's key poses; the odometry, which matches reach over, says the truth."""
     config = GraphConfig(
-        filter_constraints=FilterConstraintsConfig.model_validate(NO_FILTER | given),
+        filter_constraints=FILTER,
         loop_closing=LoopClosingConfig(enabled=False),
     )
     odometry = np.vstack([np.zeros(3), geometry.between(truth[:-1], truth[1:])])
@@ -133,9 +133,9 @@ def test_headings_are_held_where_matches_are_all_bent_alike(
     """The filter is right, the matches of neighbours are not: held, most of their drift is gone."""
     wrong = bent(truth)
     matching(wrong, monkeypatch)
-    smoother = smoother_of(scans, truth, truth, sure=1.0)
+    smoother = smoother_of(scans, truth, truth)
     smoother.held = before
-    poses, support = smoother.choose_held(truth)
+    poses, support = smoother.choose_held(truth, 1.0)
     assert smoother.held
     left = turned_too_far(poses, truth)
     smoother.held = False
@@ -151,9 +151,9 @@ def test_headings_are_let_go_where_the_filter_is_wrong(
     before: bool, scans: ScanStore, truth: Array, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     matching(truth, monkeypatch)
-    smoother = smoother_of(scans, bent(truth), truth, sure=1.0)
+    smoother = smoother_of(scans, bent(truth), truth)
     smoother.held = before
-    poses, _ = smoother.choose_held(truth)
+    poses, _ = smoother.choose_held(truth, 1.0)
     assert not smoother.held
     np.testing.assert_allclose(poses, truth, atol=2e-3)
     smoother.held = True
@@ -168,9 +168,9 @@ def test_it_stays_as_it_is_unless_the_scans_are_sure(
     """A billion standard errors are asked for to change it, though the scans speak for the other one."""
     wrong = bent(truth)
     matching(truth if before else wrong, monkeypatch)
-    smoother = smoother_of(scans, wrong if before else truth, truth, sure=1e9)
+    smoother = smoother_of(scans, wrong if before else truth, truth)
     smoother.held = before
-    poses, support = smoother.choose_held(truth)
+    poses, support = smoother.choose_held(truth, 1e9)
     assert smoother.held == before
     again, same = smoother.relax(truth, np.array([0.1]))  # what is returned is the graph of what was chosen
     np.testing.assert_allclose(poses, again, atol=1e-9)

