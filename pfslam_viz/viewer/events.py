@@ -86,7 +86,8 @@ class Chronicle:
             self._told |= {c.later for c in step.revision.closures}
             loops = f"loop closed with scan {step.revision.closures[0].earlier:,}, " if step.revision.closures else ""
             level = EVENT if loops or step.revision.moved > TELLING else DETAIL
-            yield Event(step.index, step.time, level, f"{loops}revised, moved by {step.revision.moved:.2f} m")
+            text = f"{loops}revised, moved by {step.revision.moved:.2f} m"
+            yield Event(step.index, step.time, level, text, closes_loop=bool(loops))
         if estimate.resampled and self._config.resampling.policy != "always":
             share = f"N_eff {estimate.n_eff:.1f} of {len(estimate.weights):,}"
             yield Event(step.index, step.time, DETAIL, f"resampled, {share}")

@@ -49,8 +49,8 @@ class Verdict:
     """What the scans say of one trajectory against another.
 
     ``gain`` is the mean over pairs of scans by how much more end points agree, in shares of a scan; ``sigmas`` that
-    over its standard error; ``pairs`` how many pairs had something to say. Pairs that both trajectories put alike have
-    not.
+    over its standard error, 0 where a single block has something to say; ``pairs`` how many pairs had. Pairs that both
+    trajectories put alike have not.
     """
 
     gain: float
@@ -71,6 +71,8 @@ def compare(scans: ScanStore, poses: Array, others: Array, config: EvidenceConfi
     sums = np.bincount(block, difference)
     counts = np.bincount(block)
     gain = float(difference.mean())
+    if np.count_nonzero(counts) < 2:
+        return Verdict(gain, 0.0, len(difference))  # one block has no spread
     spread = math.sqrt(float(((sums - gain * counts) ** 2).sum())) / len(difference)
     return Verdict(gain, gain / max(spread, 1e-9), len(difference))
 
