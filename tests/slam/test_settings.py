@@ -24,7 +24,8 @@ from pfslam_viz.simulation.recording import simulate
 from pfslam_viz.simulation.sensors import true_ranges
 from pfslam_viz.slam.graph import loop_closing, smoothing
 from pfslam_viz.slam.graph.drift import Drift
-from pfslam_viz.slam.graph.evidence import compare
+from pfslam_viz.slam.graph.evidence import Verdict, compare
+from pfslam_viz.slam.graph.filter_constraints import filter_constraints
 from pfslam_viz.slam.graph.loop_closing import find_candidates
 from pfslam_viz.slam.graph.pose_graph import Constraints
 from pfslam_viz.slam.graph.revision import Reviser
@@ -228,12 +229,12 @@ FILTER = (
     "odometry",
     "filter_constraints",
 )
-SPANS = ("spans", "span_angle", "sure")  # of the filter's constraints; a short drive has none
+ELSEWHERE = ("spans", "span_angle", "sure", "least_share", "fewest_walls")  # too short a drive: see below
 
 
 def of_a_short_drive() -> Iterator[Any]:
-    spans = {f"filter_constraints.{name}" for name in SPANS}
-    return (case for case in cases(RbpfConfig, FILTER) if case.values[0] not in spans)
+    elsewhere = {f"filter_constraints.{name}" for name in ELSEWHERE}
+    return (case for case in cases(RbpfConfig, FILTER) if case.values[0] not in elsewhere)
 
 
 @pytest.mark.parametrize(("key", "field"), list(of_a_short_drive()))
@@ -408,7 +409,12 @@ EVIDENCE_OTHER: dict[str, Any] = {
     "alike_distance": 0.05,
     "alike_angle": 0.02,
 }
-EVIDENCE_GIVEN = {"turn_length": {"visits": 1, "apart": 8}, "fewest_blocks": {"block": 1000}}
+EVIDENCE_GIVEN = {
+    "turn_length": {"visits": 1, "apart": 8},
+    "fewest_blocks": {"block": 1000},
+    "alike_distance": {"alike_angle": 10.0},
+    "alike_angle": {"alike_distance": 10.0},
+}
 
 
 @pytest.mark.parametrize("key", [key for key in EvidenceConfig.model_fields if key not in ("sure", "preferred")])
@@ -431,22 +437,17 @@ REVISION: dict[str, Any] = {  # so that a round of 150 key scans has reasons to 
     "regular_share": 0.3,
 }
 REVISION_OTHER: dict[str, Any] = {
-    "shift": 100.0,
-    "turn": 100.0,
     "choice_sure": 1e9,
     "sure": 1e9,
     "least_move": 100.0,
     "first_choice": 10**6,
-    "fewest_visits": 10**6,
     "settled_distance": 10.0,
     "settled_angle": 1e-9,
     "pause": 80,
-    "pause_share": 5.0,
 }
+# In tests/slam/graph/test_revision.py, where a place is visited twice, and tests/slam/rbpf/test_revise.py.
+NEEDS_VISITS = ("enabled", "doubtful", "shift", "turn", "fewest_visits", "pause_share")
 REVISION_GIVEN: dict[str, dict[str, Any]] = {
-    "shift": {"turn": 100.0, "regular_share": 1e9},
-    "turn": {"shift": 100.0, "regular_share": 1e9, "turn": 1e-6},
-    "fewest_visits": {"regular_share": 1e9},
     "pause": {"pause_share": 0.0},
     "settled_angle": {"settled_angle": 10.0, "settled_distance": 1e9},
 }
@@ -455,11 +456,11 @@ REVISION_GIVEN: dict[str, dict[str, Any]] = {
 def revised(given: Round, revision: dict[str, Any], held: dict[str, Any]) -> str:
     """What comes of a run whose filter goes on along its drifted poses, whatever is found."""
     poses, odometry, scans = given
-    filter_constraints = FilterConstraintsConfig.model_validate({"spans": (8,), "fewest_walls": 10**6} | held)
+    spans = FilterConstraintsConfig.model_validate({"spans": (8,), "fewest_walls": 10**6} | held)
     config = GraphConfig(
         smoothing=SMOOTHING,
         odometry=ODOMETRY,
-        filter_constraints=filter_constraints,
+        filter_constraints=spans,
         revision=RevisionConfig.model_validate(revision),
     )
     store, reviser, seen = ScanStore(np.zeros(2), ScanMatchingConfig()), Reviser(config), []
@@ -473,7 +474,7 @@ def revised(given: Round, revision: dict[str, Any], held: dict[str, Any]) -> str
     return digest(*seen)
 
 
-@pytest.mark.parametrize("key", [k for k in RevisionConfig.model_fields if k not in ("enabled", "doubtful")])
+@pytest.mark.parametrize("key", [k for k in RevisionConfig.model_fields if k not in NEEDS_VISITS])
 def test_every_setting_of_the_revision(key: str, round_the_block: Round) -> None:
     given = RevisionConfig().model_dump() | REVISION | REVISION_GIVEN.get(key, {})
     value = REVISION_OTHER.get(key, changed("", RevisionConfig.model_fields[key], given[key]))
@@ -483,9 +484,33 @@ def test_every_setting_of_the_revision(key: str, round_the_block: Round) -> None
 @pytest.mark.parametrize(("key", "value"), [("spans", (16,)), ("span_angle", 0.1)])
 def test_every_setting_of_the_filters_spans(key: str, value: Any, round_the_block: Round) -> None:
     given = RevisionConfig().model_dump() | REVISION | {"sure": -1e9}
-    monkey = {"choice_sure": 0.0, "first_choice": 20}
-    one, two = (revised(round_the_block, given | monkey, change) for change in ({}, {key: value}))
+    one, two = (revised(round_the_block, given, change) for change in ({}, {key: value}))
     assert one != two
+
+
+@pytest.mark.parametrize(("sure", "held"), [(1e9, False), (0.0, True)])
+def test_how_sure_the_scans_must_be_decides_what_is_held(
+    sure: float, held: bool, round_the_block: Round, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They are, by one standard error."""
+    poses, odometry, scans = round_the_block
+    monkeypatch.setattr(smoothing, "compare", lambda *_: Verdict(0.01, 1.0, 100))
+    config = GraphConfig(smoothing=SMOOTHING, filter_constraints=FilterConstraintsConfig(sure=sure))
+    smoother = Smoother(store_of(scans), odometry, geometry.between(poses[:-1], poses[1:]), config)
+    smoother.smooth(poses)
+    assert smoother.held == held
+
+
+@pytest.mark.parametrize(("key", "value"), [("least_share", 0.9), ("fewest_walls", 150)])
+def test_every_setting_of_what_walls_say(key: str, value: Any, round_the_block: Round) -> None:
+    poses, _, scans = round_the_block
+    store, joints = store_of(scans), np.arange(len(poses) - 1)
+    found = geometry.between(poses[:-1], poses[1:])
+    one, two = (
+        filter_constraints(store, found, joints, FilterConstraintsConfig.model_validate(change))
+        for change in ({}, {key: value})
+    )
+    assert digest(one.start, one.information) != digest(two.start, two.information)
 
 
 @pytest.mark.parametrize(("preferred", "kept"), [(-1e9, "settled"), (1e9, "online")])

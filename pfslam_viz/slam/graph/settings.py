@@ -76,7 +76,7 @@ class FilterConstraintsConfig(Section):
     noise_angle: float = setting(0.02, "... and so much more per rad turned", gt=0)
     spans: tuple[Hop, ...] = setting((30,), "key scans over which its heading is held, if the scans prefer that")
     span_angle: float = setting(0.001, "error of the heading over such a span", "rad", gt=0)
-    sure: float = setting(2.0, "standard errors from which they do", ge=0)
+    sure: float = setting(3.0, "standard errors from which they do", ge=0)
     least_distance: float = setting(0.1, "error of the position across walls at least ...", "m", gt=0)
     noise_distance: float = setting(0.05, "... and so much more per m driven", gt=0)
     least_share: float = setting(0.1, "share of the walls below which an increment says nothing along them", ge=0, lt=1)
@@ -184,7 +184,7 @@ class EvidenceConfig(Section):
     block: int = setting(20, "successive key scans, whose evidence is not independent", ge=1)
     fewest_blocks: int = setting(4, "of them, which are shorter on a way that has not so many", ge=2)
     sure: float = setting(1.0, "standard errors from which a loop is closed on their word", ge=0)
-    preferred: float = setting(0.5, "standard errors from which the settled trajectory is kept, which knows more")
+    preferred: float = setting(0.0, "standard errors from which the settled trajectory is kept, which knows more")
 
 
 class RevisionConfig(Section):
@@ -208,7 +208,7 @@ class RevisionConfig(Section):
     least_move: float = setting(0.02, "a revision that moves no pose farther is dropped", "m", gt=0)
     sure: float = setting(0.5, "standard errors from which the scans prefer a revision")
     doubtful: float = setting(
-        1.0, "where one moved the trajectory by more, the end starts from the filter's own, too", "m", ge=0
+        0.5, "where one moved the trajectory by more, the end starts from the filter's own, too", "m", ge=0
     )
 
 
