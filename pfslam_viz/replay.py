@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-PHASES = ("predict", "update", "map", "resample", "dead_reckoning", "texture")
+PHASES = ("predict", "update", "map", "resample", "revise", "dead_reckoning", "texture")
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,8 +184,12 @@ class Replay:
             slam.update_map(scan)
             clock.lap("map")
             slam.resample()
-            estimate = slam.estimate()
             clock.lap("resample")
+            revision = slam.revise()
+            if revision is not None:
+                end_points, hits = slam.grid.project(slam.best, scan.points)
+            estimate = slam.estimate()
+            clock.lap("revise")
             reckoned_end_points = self.dead_reckoning_grid.add(reckoned, scan.points, scan.lidar_position)
             clock.lap("dead_reckoning")
             painted = painter.add_pose(scan.stamp, estimate.mean) if painter else None
@@ -205,6 +209,7 @@ class Replay:
                 dead_reckoning_end_points=reckoned_end_points,
                 grid=slam.grid,
                 dead_reckoning_grid=self.dead_reckoning_grid,
+                revision=revision,
                 texture=painter.texture if painter and painted else None,
                 color_frame=painted[0] if painted else None,
                 disparity_frame=painted[1] if painted else None,

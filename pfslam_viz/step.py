@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
-from pfslam_viz.slam.protocol import Estimate
+from pfslam_viz.slam.protocol import Estimate, Revision
 
 if TYPE_CHECKING:
     from pfslam_viz.texture.floor_texture import FloorTexture
@@ -30,11 +30,12 @@ class Step:
         dead_reckoning_end_points: (m, 2) the same scan from the dead-reckoned pose.
         grid: the filter's map.
         dead_reckoning_grid: the map that dead reckoning writes from the same scans.
+        revision: what hindsight changed of all that came before, in a step that changed it.
         texture: the floor texture, in a step that changed it.
         color_frame: index into the recording's colour frames of the one painted in this step, if any.
         disparity_frame: the same for disparity.
         truth: (3,) the true pose in the frame of the first true pose, if known.
-        seconds: time spent per phase: predict, update, map, resample, dead_reckoning, texture.
+        seconds: time spent per phase: predict, update, map, resample, revise, dead_reckoning, texture.
     """
 
     index: int
@@ -47,6 +48,7 @@ class Step:
     dead_reckoning_end_points: Array
     grid: OccupancyGrid
     dead_reckoning_grid: OccupancyGrid
+    revision: Revision | None
     texture: "FloorTexture | None"
     color_frame: int | None
     disparity_frame: int | None

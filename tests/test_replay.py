@@ -121,7 +121,7 @@ def test_steps_tell_what_happened(room: Recording, paper: Config) -> None:
         assert step.hits.any() == (k > 0)  # the map of the first scan was empty
         assert step.estimate.weights.sum() == pytest.approx(1)
         assert step.truth is not None and step.texture is None
-        assert set(step.seconds) == {"predict", "update", "map", "resample", "dead_reckoning", "texture"}
+        assert set(step.seconds) == {"predict", "update", "map", "resample", "revise", "dead_reckoning", "texture"}
         np.testing.assert_allclose(step.dead_reckoning, replay.result().dead_reckoning[k])
         middle = geometry.compose(step.estimate.best, LIDAR.pose)
         ahead = step.end_points[270] - middle[:2]

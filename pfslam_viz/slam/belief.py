@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz.slam import kernels
-from pfslam_viz.slam.protocol import Estimate, Kept, LoopClosure, Match
+from pfslam_viz.slam.protocol import Estimate, Kept, LoopClosure, Match, Revision
 
 Array = NDArray[np.float64]
 
@@ -44,6 +44,10 @@ class Belief:
     @property
     def kept(self) -> Kept | None:
         """None: who keeps one map settles nothing in hindsight."""
+        return None
+
+    def revise(self) -> Revision | None:
+        """None: who keeps one map cannot take back what was written into it."""
         return None
 
     def estimate(self) -> Estimate:

@@ -50,6 +50,19 @@ class LoopClosure:
 
 
 @dataclass(frozen=True, slots=True)
+class Revision:
+    """What hindsight changed in mid-run: all particles and maps go on from there.
+
+    ``trajectory`` (n, 3) holds a pose for every scan so far, ``closures`` are the loops that were closed, if that was
+    the reason, and ``moved`` m is how far the pose that moved most went.
+    """
+
+    trajectory: Array
+    closures: tuple[LoopClosure, ...]
+    moved: float
+
+
+@dataclass(frozen=True, slots=True)
 class Kept:
     """Which of two trajectories was kept when all scans were in: that of the run, or the one settled in hindsight.
 
@@ -122,6 +135,10 @@ class Slam(Protocol):
 
     def resample(self) -> None:
         """Resample the particles if it is time: (30) to (32)."""
+        ...
+
+    def revise(self) -> Revision | None:
+        """Close loops: what hindsight makes of the trajectory and the map so far, if it knows better."""
         ...
 
     def estimate(self) -> Estimate:

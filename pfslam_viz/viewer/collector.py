@@ -76,6 +76,7 @@ class Collector:
         self._painted: FloorTexture | None = None
         span = (float(recording.stamps[0]) - 1.0, float(recording.stamps[-1]))
         self._camera = CameraImages(recording.frames, span, CAMERA_FRAMES)
+        self._closures: list[Array] = []
         self._last: Step | None = None
         self._counts = {"particles": 0, "beams": 0}
         self._scans: list[ScanCopy] = []
@@ -91,7 +92,7 @@ class Collector:
         for event in self._chronicle.add(step):
             self._add_event(event, step.estimate.best)
         self._add_marks(self._marks.expired(step.index))
-        maps_due = self._maps.is_due(step.index)
+        maps_due = self._maps.is_due(step.index) or step.revision is not None
         if maps_due and self._shared:
             step.dead_reckoning_grid.catch_up()
         self._counts["particles"] = max(self._counts["particles"], len(step.estimate.weights))
@@ -103,9 +104,12 @@ class Collector:
             self._add(entities.LINEAGES, step, Lines(self._ancestry.segments(), entities.LINEAGES.z))
         if maps_due:
             self._maps.spend(step.index, self._add_maps(step, step.grid, step.dead_reckoning_grid))
-        if self._walls.is_due(step.index):
+        if self._walls.is_due(step.index) or step.revision is not None:
             self._walls.spend(step.index, 0)
             self._add(entities.WALLS, step, contents.walls(step.grid))
+        if step.revision is not None and step.revision.closures:
+            self._closures += [np.stack([c.earlier_position, c.later_position]) for c in step.revision.closures]
+            self._add_lines(entities.CLOSURES, step, self._closures)
         if step.texture is not None:
             self._painted = step.texture
             self._add_texture(step, step.texture)

@@ -19,7 +19,7 @@ from pfslam_viz.viewer.entities import ONLY_RUN, RUN_CURVES, Entity
 from pfslam_viz.viewer.framing import Framing, out_of_view
 from pfslam_viz.viewer.scan_batch import ScanBatch, distance, error_levels
 from pfslam_viz.viewer.sinks import Sink
-from pfslam_viz.viewer.trail import Trail
+from pfslam_viz.viewer.trail import Points, Trail
 
 Array = NDArray[np.float64]
 
@@ -119,7 +119,7 @@ class Drawing:
         ellipses = archetypes.ellipse_columns(scans.mean, scans.covariance, entities.COVARIANCE.z)
         self._send(entities.COVARIANCE, scans, ellipses)
         self._send(entities.FOLLOW, scans, archetypes.position_columns(scans.best, entities.FOLLOW.z))
-        self._send_trail(entities.TRAJECTORY, scans, scans.best)
+        self._send_trail(entities.TRAJECTORY, scans, scans.best, scans.revised)
         if scans.truth is not None:
             self._send_error_trail(entities.ERROR_TRAJECTORY, scans, scans.best, scans.truth)
         if scans.correction is not None:
@@ -149,16 +149,25 @@ class Drawing:
     def _send_poses(self, row: Entity, scans: ScanBatch, poses: Array) -> None:
         self._send(row, scans, archetypes.pose_columns(poses, row.z))
 
-    def _send_trail(self, row: Entity, scans: ScanBatch, poses: Array) -> None:
-        self._extend_trail(row, scans, poses[:, :2], archetypes.strip_columns)
+    def _send_trail(
+        self, row: Entity, scans: ScanBatch, poses: Array, revised: Sequence[Points | None] | None = None
+    ) -> None:
+        self._extend_trail(row, scans, poses[:, :2], archetypes.strip_columns, revised)
 
     def _send_error_trail(self, row: Entity, scans: ScanBatch, poses: Array, truth: Array) -> None:
         levels = error_levels(distance(poses, truth))
         self._extend_trail(row, scans, np.column_stack([poses[:, :2], levels]), archetypes.error_columns)
 
-    def _extend_trail(self, row: Entity, scans: ScanBatch, points: Array, columns: Callable[..., Any]) -> None:
+    def _extend_trail(
+        self,
+        row: Entity,
+        scans: ScanBatch,
+        points: Array,
+        columns: Callable[..., Any],
+        revised: Sequence[Points | None] | None = None,
+    ) -> None:
         trail = self._trails.setdefault(row, Trail(len(self.recording), points.shape[1]))
-        finished, open_strips = trail.extend(points)
+        finished, open_strips = trail.extend(points, revised)
         done, latest = row.visible(self.run)
         self._send_rows(latest, scans.index, scans.time, columns(open_strips, row.z))
         if finished:

@@ -19,6 +19,7 @@ GAP_SECONDS, GAP_PERIODS = 1.0, 10.0  # a silence of both is a gap
 MOST_GAPS = 10  # of a sensor, the longest
 FLICKER = 10  # times as many scans without something end it as begin it
 TOGETHER = 1.0  # s: sensors that fall silent no further apart are told as one
+TELLING = 0.1  # m: a revision that moves the trajectory by more is an event, by less a detail
 SAME_SCANS = 10  # loops whose later scans are no further apart are told as one
 
 
@@ -66,6 +67,7 @@ class Chronicle:
     def __init__(self, recording: Recording, config: Config) -> None:
         self._recording, self._config = recording, config
         self._last: Step | None = None
+        self._told: set[int] = set()  # later scans of loops that were closed on the way
         self._open = Lasting("corridor open", "corridor left, {n}", 3)
         self._blind = Lasting("no match with map", "matches again, {n}")
         self._deaf = Lasting("odometry unknown", "odometry back, {n}")
@@ -80,6 +82,12 @@ class Chronicle:
         yield from self._deaf.see(step, known is not None and not known[step.index])
         yield from self._blind.see(step, not estimate.informative and step.index > 0)  # the first makes the map
         yield from self._open.see(step, estimate.match is not None and estimate.match.degenerate is not None)
+        if step.revision is not None:
+            self._told |= {c.later for c in step.revision.closures}
+            loops = f"loop closed with scan {step.revision.closures[0].earlier:,}, " if step.revision.closures else ""
+            level = EVENT if loops or step.revision.moved > TELLING else DETAIL
+            text = f"{loops}revised, moved by {step.revision.moved:.2f} m"
+            yield Event(step.index, step.time, level, text, closes_loop=bool(loops))
         if estimate.resampled and self._config.resampling.policy != "always":
             share = f"N_eff {estimate.n_eff:.1f} of {len(estimate.weights):,}"
             yield Event(step.index, step.time, DETAIL, f"resampled, {share}")
@@ -91,6 +99,8 @@ class Chronicle:
         last, times = self._last, result.stamps - self._recording.stamps[0]
         told: list[int] = []
         for closure in sorted(result.closures, key=lambda c: c.later):
+            if closure.later in self._told:
+                continue  # it was closed on the way
             if not told or closure.later - told[-1] > SAME_SCANS:
                 told.append(closure.later)
                 text = f"loop closed with scan {closure.earlier:,}"

@@ -51,6 +51,7 @@ class ScanCopy:
     dead_reckoning_end_points: Points
     correction: Array | None
     degenerate: Array | None
+    revised: Points | None
     resampled: bool
     informative: bool
     curves: dict[str, float]
@@ -81,6 +82,7 @@ class ScanCopy:
             dead_reckoning_end_points=step.dead_reckoning_end_points[::every_reckoned].astype(np.float32),
             correction=None if match is None else np.array(match.correction),
             degenerate=None if match is None or match.degenerate is None else np.array(match.degenerate),
+            revised=None if step.revision is None else step.revision.trajectory[:, :2].astype(np.float32),
             resampled=bool(estimate.resampled),
             informative=bool(estimate.informative),
             curves=curves,
@@ -131,6 +133,7 @@ class ScanBatch:
     dead_reckoning_end_points: Ragged
     correction: Array | None
     degenerate: tuple[Array | None, ...]
+    revised: tuple[Points | None, ...]
     resampled: NDArray[np.bool_]
     informative: NDArray[np.bool_]
     curves: dict[str, Array]
@@ -143,7 +146,7 @@ class ScanBatch:
             column = [getattr(scan, field.name) for scan in scans]
             if field.type is Ragged:
                 batch[field.name] = Ragged.of(column)
-            elif field.name == "degenerate":
+            elif field.name in ("degenerate", "revised"):
                 batch[field.name] = tuple(column)
             elif field.name == "curves":
                 names = set.intersection(*map(set, column))

@@ -4,6 +4,8 @@
 are exactly the points up to a scan, the point between them in both.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,24 +17,31 @@ class Trail:
 
     def __init__(self, scans: int, width: int = 2) -> None:
         self._points = np.empty((scans, width), np.float32)
-        self._count = 0
+        self._count = self._done = 0
         self.every = max(int(np.sqrt(scans)), 2)
 
-    def extend(self, poses: NDArray[np.float64]) -> tuple[list[tuple[int, Points]], list[Points]]:
+    def extend(
+        self, poses: NDArray[np.float64], revised: Sequence[Points | None] | None = None
+    ) -> tuple[list[tuple[int, Points]], list[Points]]:
         """Append poses (n, 3), of which x and y count, or n points of three numbers where these are kept.
 
-        Returns the ``done`` strips with the row (index into ``poses``) each belongs to, and an ``open`` strip a row.
+
+        ``revised`` (n,) holds, where all that came before turned out to be different, the whole trajectory up to there
+        (m, 2). Returns the ``done`` strips with the row (index into ``poses``) each belongs to, and an ``open`` strip a
+        row.
         """
-        first = self._count
-        self._count += len(poses)
-        self._points[first : self._count] = poses[:, : self._points.shape[1]]
         done, strips = [], []
-        for row in range(len(poses)):
-            k = first + row
-            start = k - k % self.every
-            if start == k:
-                done.append((row, self._points[: k + 1]))
-            strips.append(self._points[start : k + 1])
+        for row, pose in enumerate(poses):
+            k = self._count
+            self._count += 1
+            self._points[k] = pose[: self._points.shape[1]]
+            anew = None if revised is None else revised[row]
+            if anew is not None:
+                self._points[: k + 1] = anew
+            if anew is not None or k % self.every == 0:
+                self._done = k
+                done.append((row, self._points[: k + 1].copy()))
+            strips.append(self._points[self._done : k + 1].copy())
         return done, strips
 
 

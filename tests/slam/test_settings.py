@@ -24,9 +24,11 @@ from pfslam_viz.simulation.recording import simulate
 from pfslam_viz.simulation.sensors import true_ranges
 from pfslam_viz.slam.graph import loop_closing, smoothing
 from pfslam_viz.slam.graph.drift import Drift
-from pfslam_viz.slam.graph.evidence import compare
+from pfslam_viz.slam.graph.evidence import Verdict, compare
+from pfslam_viz.slam.graph.filter_constraints import filter_constraints
 from pfslam_viz.slam.graph.loop_closing import find_candidates
 from pfslam_viz.slam.graph.pose_graph import Constraints
+from pfslam_viz.slam.graph.revision import Reviser
 from pfslam_viz.slam.graph.scan_store import ScanStore
 from pfslam_viz.slam.graph.settings import (
     DriftConfig,
@@ -35,6 +37,7 @@ from pfslam_viz.slam.graph.settings import (
     GraphConfig,
     LoopClosingConfig,
     OdometryConfig,
+    RevisionConfig,
     ScanMatchingConfig,
     SmoothingConfig,
 )
@@ -226,9 +229,15 @@ FILTER = (
     "odometry",
     "filter_constraints",
 )
+ELSEWHERE = ("spans", "span_angle", "sure", "least_share", "fewest_walls")  # too short a drive: see below
 
 
-@pytest.mark.parametrize(("key", "field"), list(cases(RbpfConfig, FILTER)))
+def of_a_short_drive() -> Iterator[Any]:
+    elsewhere = {f"filter_constraints.{name}" for name in ELSEWHERE}
+    return (case for case in cases(RbpfConfig, FILTER) if case.values[0] not in elsewhere)
+
+
+@pytest.mark.parametrize(("key", "field"), list(of_a_short_drive()))
 def test_every_setting_of_the_filter_with_a_map_per_particle(key: str, field: FieldInfo) -> None:
     assert differs("default", key, field, "particles=3", "loop_closing.enabled=false")
 
@@ -289,15 +298,16 @@ def settled(given: Round, smoothing: SmoothingConfig, loops: LoopClosingConfig, 
         odometry=ODOMETRY,
         evidence=EvidenceConfig(sure=sure),
     )
-    smoother = Smoother(store_of(scans), odometry, config)
+    smoother = Smoother(store_of(scans), odometry, geometry.between(poses[:-1], poses[1:]), config)
     smoothed = smoother.smooth(poses)
-    looked = find_candidates(poses, smoother.drift(poses, smoothed.closed), loops)
+    later = np.arange(loops.every, len(poses), loops.every)
+    looked = find_candidates(poses, smoother.drift(poses, smoothed.closed), later, loops)
     return digest(smoothed.poses, smoothed.closed, looked.earlier, looked.later, looked.reach, looked.turn)
 
 
 SMOOTHING = SmoothingConfig(radius=1.0)
 ODOMETRY = OdometryConfig(least_noise=1.0)  # it seems better than it is, for it is right but where the lidar is blind
-NO_FILTER = FilterConstraintsConfig(fewest_walls=10**6)  # the poses are the odometry's: no filter found them
+NO_FILTER = FilterConstraintsConfig(fewest_walls=10**6, spans=())  # the poses are the odometry's: no filter found them
 LOOPS = LoopClosingConfig(least_reach=3.0)
 OTHER |= {
     "rounds": 4,
@@ -381,7 +391,7 @@ def test_every_setting_of_drift(key: str, round_the_block: Round) -> None:
     reaches = []
     for change in ({}, {key: value}):
         config = GraphConfig(smoothing=SMOOTHING, drift=DriftConfig.model_validate(given | change))
-        drift = Smoother(store, odometry, config).drift(poses, links)
+        drift = Smoother(store, odometry, odometry[1:], config).drift(poses, links)
         reaches.append(digest(*drift.before(len(poses) - 1)))
     assert reaches[0] != reaches[1]
 
@@ -396,8 +406,15 @@ EVIDENCE_OTHER: dict[str, Any] = {
     "margin": 1.0,
     "margin_share": 0.3,
     "least_told": 0.99,
+    "alike_distance": 0.05,
+    "alike_angle": 0.02,
 }
-EVIDENCE_GIVEN = {"turn_length": {"visits": 1, "apart": 8}}
+EVIDENCE_GIVEN = {
+    "turn_length": {"visits": 1, "apart": 8},
+    "fewest_blocks": {"block": 1000},
+    "alike_distance": {"alike_angle": 10.0},
+    "alike_angle": {"alike_distance": 10.0},
+}
 
 
 @pytest.mark.parametrize("key", [key for key in EvidenceConfig.model_fields if key not in ("sure", "preferred")])
@@ -410,6 +427,90 @@ def test_every_setting_of_the_evidence(key: str, round_the_block: Round) -> None
         compare(store, poses, other, EvidenceConfig.model_validate(given | change)) for change in ({}, {key: value})
     )
     assert one != two
+
+
+REVISION: dict[str, Any] = {  # so that a round of 150 key scans has reasons to be revised, and choices to be made
+    "pause": 4,
+    "first_choice": 20,
+    "choice_sure": 0.0,
+    "choice_share": 0.2,
+    "regular_share": 0.3,
+}
+REVISION_OTHER: dict[str, Any] = {
+    "choice_sure": 1e9,
+    "sure": 1e9,
+    "least_move": 100.0,
+    "first_choice": 10**6,
+    "settled_distance": 10.0,
+    "settled_angle": 1e-9,
+    "pause": 80,
+}
+# In tests/slam/graph/test_revision.py, where a place is visited twice, and tests/slam/rbpf/test_revise.py.
+NEEDS_VISITS = ("enabled", "doubtful", "shift", "turn", "fewest_visits", "pause_share")
+REVISION_GIVEN: dict[str, dict[str, Any]] = {
+    "pause": {"pause_share": 0.0},
+    "settled_angle": {"settled_angle": 10.0, "settled_distance": 1e9},
+}
+
+
+def revised(given: Round, revision: dict[str, Any], held: dict[str, Any]) -> str:
+    """What comes of a run whose filter goes on along its drifted poses, whatever is found."""
+    poses, odometry, scans = given
+    spans = FilterConstraintsConfig.model_validate({"spans": (8,), "fewest_walls": 10**6} | held)
+    config = GraphConfig(
+        smoothing=SMOOTHING,
+        odometry=ODOMETRY,
+        filter_constraints=spans,
+        revision=RevisionConfig.model_validate(revision),
+    )
+    store, reviser, seen = ScanStore(np.zeros(2), ScanMatchingConfig()), Reviser(config), []
+    for k, points in enumerate(scans, start=1):
+        store.add(points)
+        if reviser.is_due(k):
+            found = geometry.between(poses[: k - 1], poses[1:k])
+            smoother = Smoother(store, odometry[:k], found, reviser.config)
+            anew = reviser.revise(smoother, poses[:k])
+            seen.append(np.array([reviser.held]) if anew is None else anew.poses)
+    return digest(*seen)
+
+
+@pytest.mark.parametrize("key", [k for k in RevisionConfig.model_fields if k not in NEEDS_VISITS])
+def test_every_setting_of_the_revision(key: str, round_the_block: Round) -> None:
+    given = RevisionConfig().model_dump() | REVISION | REVISION_GIVEN.get(key, {})
+    value = REVISION_OTHER.get(key, changed("", RevisionConfig.model_fields[key], given[key]))
+    assert revised(round_the_block, given, {}) != revised(round_the_block, given | {key: value}, {})
+
+
+@pytest.mark.parametrize(("key", "value"), [("spans", (16,)), ("span_angle", 0.1)])
+def test_every_setting_of_the_filters_spans(key: str, value: Any, round_the_block: Round) -> None:
+    given = RevisionConfig().model_dump() | REVISION | {"sure": -1e9}
+    one, two = (revised(round_the_block, given, change) for change in ({}, {key: value}))
+    assert one != two
+
+
+@pytest.mark.parametrize(("sure", "held"), [(1e9, False), (0.0, True)])
+def test_how_sure_the_scans_must_be_decides_what_is_held(
+    sure: float, held: bool, round_the_block: Round, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They are, by one standard error."""
+    poses, odometry, scans = round_the_block
+    monkeypatch.setattr(smoothing, "compare", lambda *_: Verdict(0.01, 1.0, 100))
+    config = GraphConfig(smoothing=SMOOTHING, filter_constraints=FilterConstraintsConfig(sure=sure))
+    smoother = Smoother(store_of(scans), odometry, geometry.between(poses[:-1], poses[1:]), config)
+    smoother.smooth(poses)
+    assert smoother.held == held
+
+
+@pytest.mark.parametrize(("key", "value"), [("least_share", 0.9), ("fewest_walls", 150)])
+def test_every_setting_of_what_walls_say(key: str, value: Any, round_the_block: Round) -> None:
+    poses, _, scans = round_the_block
+    store, joints = store_of(scans), np.arange(len(poses) - 1)
+    found = geometry.between(poses[:-1], poses[1:])
+    one, two = (
+        filter_constraints(store, found, joints, FilterConstraintsConfig.model_validate(change))
+        for change in ({}, {key: value})
+    )
+    assert digest(one.start, one.information) != digest(two.start, two.information)
 
 
 @pytest.mark.parametrize(("preferred", "kept"), [(-1e9, "settled"), (1e9, "online")])

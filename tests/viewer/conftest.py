@@ -94,6 +94,7 @@ class Corridor:
                     match=match if self.rich else None,
                 ),
                 dead_reckoning=reckoned[k],
+                revision=None,
                 end_points=end_points,
                 hits=hits,
                 dead_reckoning_end_points=geometry.transform(reckoned[k], points),

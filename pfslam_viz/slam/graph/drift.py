@@ -12,6 +12,7 @@ matches").
 """
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
@@ -34,7 +35,7 @@ class Drift:
     def __init__(self, poses: Array, joints: Array, links: Indices, most_links: int) -> None:
         """No more than ``most_links`` of the links are tried, evenly taken."""
         self._poses = poses
-        self._links = links[:: 1 + (len(links) - 1) // most_links] if len(links) else links
+        self._links = np.ascontiguousarray(links[:: 1 + (len(links) - 1) // most_links]) if len(links) else links
         p, q = joints[:, 0] ** 2, joints[:, 1] ** 2
         middle = 0.5 * (poses[:-1, :2] + poses[1:, :2])
         terms = np.column_stack([p + q * (middle**2).sum(axis=1), q * middle[:, 0], q * middle[:, 1], q])
@@ -43,38 +44,49 @@ class Drift:
     def before(self, later: int) -> tuple[Array, Array]:
         """Deviations of position (later,) m and heading (later,) rad of key pose ``later`` seen from all before it."""
         x, y = self._poses[later, :2]
-        earlier = np.arange(later)
-        best_position, best_heading = self._along(earlier, np.full(later, later), x, y)
-        for start, end in self._links[(self._links < later).all(axis=1)]:
-            to = self._along(earlier, np.full(later, start), x, y)
-            on = self._along(np.array([end]), np.array([later]), x, y)
-            position, heading = to[0] + on[0], to[1] + on[1]
-            nearer = position < best_position
-            best_position = np.where(nearer, position, best_position)
-            best_heading = np.where(nearer, heading, best_heading)
-        return np.sqrt(best_position), np.sqrt(best_heading)
+        variances = _variances(self._sums, self._links, later, x, y)
+        return np.sqrt(variances[0]), np.sqrt(variances[1])
 
-    def _along(self, start: Indices, end: Indices, x: float, y: float) -> tuple[Array, Array]:
-        """Variances of (x, y) and of heading over the joints between key scans, whichever comes first."""
-        a, b, c, q = self._between(start, end)
-        return np.maximum(a - 2.0 * (x * b + y * c) + q * (x * x + y * y), 0.0), q
 
-    def _between(self, start: Indices, end: Indices) -> Array:
-        sums: Array = (self._sums[np.maximum(start, end)] - self._sums[np.minimum(start, end)]).T
-        return sums
+@njit(cache=True, nogil=True)
+def _variances(sums: Array, links: Indices, later: int, x: float, y: float) -> Array:
+    """(2, later): the variances of position (x, y) and of heading at key pose ``later`` as seen from those before it.
+
+    Along all joints between them, or over the one link that makes the position's least.
+    """
+    out = np.empty((2, later))
+    for earlier in range(later):
+        out[0, earlier], out[1, earlier] = _along(sums, earlier, later, x, y)
+    for k in range(len(links)):
+        start, end = links[k]
+        if start >= later or end >= later:
+            continue
+        on_position, on_heading = _along(sums, end, later, x, y)
+        for earlier in range(later):
+            position, heading = _along(sums, earlier, start, x, y)
+            if position + on_position < out[0, earlier]:
+                out[0, earlier], out[1, earlier] = position + on_position, heading + on_heading
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _along(sums: Array, start: int, end: int, x: float, y: float) -> tuple[float, float]:
+    """Variances of (x, y) and of heading over the joints between two key scans, whichever comes first."""
+    first, last = sums[min(start, end)], sums[max(start, end)]
+    q = last[3] - first[3]
+    position = last[0] - first[0] - 2.0 * (x * (last[1] - first[1]) + y * (last[2] - first[2])) + q * (x * x + y * y)
+    return max(position, 0.0), q
 
 
 def joint_deviations(
-    matched: Constraints, motion: Constraints, count: int, hops: tuple[int, ...], config: DriftConfig
+    matched: Constraints, motion: Constraints, count: int, longest_hop: int, deviation: Array
 ) -> Array:
     """Deviations (count - 1, 2) m, rad from each of ``count`` key scans to the next.
 
-    ``hops`` are those between key scans that were ``matched``. How precise matches are follows from the triangles that
-    they form: a match over two hops against the two matches in between, by the median absolute deviation. Joints that
-    no match spans are as precise as the ``motion`` constraints (odometry) of the graph.
+    That of a match, ``deviation`` (2,), where one of near key scans, no more than the ``longest_hop`` apart, spans the
+    joint; elsewhere that of the ``motion`` constraints (odometry) of the graph.
     """
-    deviation = config.caution * match_deviation(matched, hops, config)
-    joined = spanned(matched, count, max(hops))
+    joined = spanned(matched, count, longest_hop)
     odometry = np.zeros((count - 1, 2))
     odometry[motion.start, 0] = motion.information[:, 0, 0] ** -0.5
     odometry[motion.start, 1] = motion.information[:, 2, 2] ** -0.5
@@ -95,7 +107,11 @@ def spanned(matched: Constraints, count: int, longest_hop: int) -> NDArray[np.bo
 
 
 def match_deviation(matched: Constraints, hops: tuple[int, ...], config: DriftConfig) -> Array:
-    """Deviation (2,) m, rad of a match between successive key scans, from the triangles that matches over hops form."""
+    """Deviation (2,) m, rad of a match between successive key scans, from the triangles that matches over hops form.
+
+    A match over two hops against the two matches in between, by the median absolute deviation. ``hops`` are those
+    between key scans that were ``matched``.
+    """
     at = {(int(a), int(b)): k for k, (a, b) in enumerate(zip(matched.start, matched.end, strict=True))}
     for hop in sorted(hops, reverse=True):
         triangles = [

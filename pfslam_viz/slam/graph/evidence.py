@@ -48,8 +48,9 @@ class EvidenceRules(NamedTuple):
 class Verdict:
     """What the scans say of one trajectory against another.
 
-    ``gain`` is the mean over all pairs of scans by how much more end points agree, in shares of a scan; ``sigmas`` that
-    over its standard error; ``pairs`` how many pairs had something to say.
+    ``gain`` is the mean over pairs of scans by how much more end points agree, in shares of a scan; ``sigmas`` that
+    over its standard error, 0 where a single block has something to say; ``pairs`` how many pairs had. Pairs that both
+    trajectories put alike have not.
     """
 
     gain: float
@@ -60,16 +61,28 @@ class Verdict:
 def compare(scans: ScanStore, poses: Array, others: Array, config: EvidenceConfig) -> Verdict:
     """How much better the key ``poses`` (k, 3) explain the scans than the ``others`` (k, 3) do."""
     pairs = witnesses(poses, others, config)
+    pairs = pairs[_differ(poses, others, pairs, config)]
     mine, theirs = agreement(scans, poses, pairs, config), agreement(scans, others, pairs, config)
     told = (mine != 0.0) | (theirs != 0.0)
-    difference, block = (mine - theirs)[told], pairs[told, 1] // config.block
+    size = max(min(config.block, len(poses) // config.fewest_blocks), 1)
+    difference, block = (mine - theirs)[told], pairs[told, 1] // size
     if len(difference) == 0:
         return Verdict(0.0, 0.0, 0)
     sums = np.bincount(block, difference)
     counts = np.bincount(block)
     gain = float(difference.mean())
+    if np.count_nonzero(counts) < 2:
+        return Verdict(gain, 0.0, len(difference))  # one block has no spread
     spread = math.sqrt(float(((sums - gain * counts) ** 2).sum())) / len(difference)
     return Verdict(gain, gain / max(spread, 1e-9), len(difference))
+
+
+def _differ(poses: Array, others: Array, pairs: Indices, config: EvidenceConfig) -> NDArray[np.bool_]:
+    """Which pairs (p,) the two trajectories put differently."""
+    start, end = pairs[:, 0], pairs[:, 1]
+    apart = geometry.between(geometry.between(others[start], others[end]), geometry.between(poses[start], poses[end]))
+    far: NDArray[np.bool_] = np.hypot(apart[:, 0], apart[:, 1]) > config.alike_distance
+    return far | (np.abs(apart[:, 2]) > config.alike_angle)
 
 
 def witnesses(poses: Array, others: Array, config: EvidenceConfig) -> Indices:

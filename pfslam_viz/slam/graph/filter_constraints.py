@@ -16,24 +16,39 @@ from pfslam_viz.slam.graph.scan_store import ScanStore
 from pfslam_viz.slam.graph.settings import FilterConstraintsConfig
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 
-def filter_constraints(scans: ScanStore, poses: Array, config: FilterConstraintsConfig) -> Constraints:
-    """The increments between the filter's key ``poses`` (k, 3) as constraints that lose their say as others object."""
-    n = len(poses)
-    measured = geometry.between(poses[:-1], poses[1:])
+def filter_constraints(
+    scans: ScanStore, increments: Array, joints: Indices, config: FilterConstraintsConfig
+) -> Constraints:
+    """The filter's ``increments`` (k - 1, 3) between key scans at some ``joints`` (j,), as robust constraints."""
+    measured = increments[joints]
     driven, turned_by = np.hypot(measured[:, 0], measured[:, 1]), np.abs(measured[:, 2])
-    information = np.zeros((n - 1, 3, 3))
-    information[:, 2, 2] = (config.least_angle + config.noise_angle * turned_by) ** -2.0
     firmness = (config.least_distance + config.noise_distance * driven) ** -2.0
-    informed = np.zeros(n - 1, np.bool_)
-    for k in range(1, n):
-        known = walls_of(scans, k, config)
-        information[k - 1, :2, :2] = firmness[k - 1] * known
-        informed[k - 1] = known.any()
-    at = np.flatnonzero(informed)
-    robust = np.ones(len(at), np.bool_)
-    return Constraints(at, at + 1, measured[at], information[at], robust)
+    known = np.array([walls_of(scans, int(k) + 1, config) for k in joints]).reshape(-1, 2, 2)
+    information = np.zeros((len(joints), 3, 3))
+    information[:, :2, :2] = firmness[:, None, None] * known
+    information[:, 2, 2] = (config.least_angle + config.noise_angle * turned_by) ** -2.0
+    told = np.flatnonzero(known.any(axis=(1, 2)))
+    at = joints[told]
+    return Constraints(at, at + 1, measured[told], information[told], np.ones(len(at), np.bool_))
+
+
+def heading_spans(increments: Array, config: FilterConstraintsConfig) -> list[Constraints]:
+    """How far the filter says that the robot turned over many key scans, as robust constraints.
+
+    Two spans of a kind overlap everywhere, and each counts half.
+    """
+    poses = geometry.accumulate(np.vstack([np.zeros(3), increments]))
+    parts = []
+    for span in config.spans:
+        start = np.arange(0, len(poses) - span, max(span // 2, 1))
+        information = np.zeros((len(start), 3, 3))
+        information[:, 2, 2] = 0.5 * config.span_angle**-2.0
+        measured = geometry.between(poses[start], poses[start + span])
+        parts.append(Constraints(start, start + span, measured, information, np.ones(len(start), np.bool_)))
+    return parts
 
 
 def walls_of(scans: ScanStore, key: int, config: FilterConstraintsConfig) -> Array:

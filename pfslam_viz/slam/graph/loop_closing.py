@@ -38,31 +38,38 @@ class Candidates:
 
 def find_loops(scans: ScanStore, poses: Array, drift: Drift, config: LoopClosingConfig) -> list[Constraints]:
     """Constraints between key scans that show the same place though ``poses`` (k, 3) do not say so, loop by loop."""
-    candidates = find_candidates(poses, drift, config)
+    later = np.arange(config.every, len(poses), config.every)
+    return confirmed(poses, search_loops(scans, poses, find_candidates(poses, drift, later, config), config), config)
+
+
+def search_loops(scans: ScanStore, poses: Array, candidates: Candidates, config: LoopClosingConfig) -> Constraints:
+    """The candidates that fit elsewhere than ``poses`` (k, 3) say, and match there. Nothing confirms them yet."""
     found = _search_all(scans, poses, candidates, config)
-    if not found:
-        return []
-    start, end = np.array([c[0] for c in found]), np.array([c[1] for c in found])
-    guesses = np.array([c[2] for c in found])
+    start, end = np.array([c[0] for c in found], np.int64), np.array([c[1] for c in found], np.int64)
+    guesses = np.array([c[2] for c in found]).reshape(-1, 3)
     prior = np.array([config.guess_distance, config.guess_distance, config.guess_angle]) ** -2.0
     gates = np.array(config.gates)
     matched = scans.match(
         start, end, guesses, prior, gates, stride=config.match_stride, iterations=config.match_iterations
     )
     good = trusted(matched, guesses, config)
-    good &= _agreed(poses, start, end, matched.poses, good, config)
     information = config.temper * turned(matched.information, matched.poses[:, 2])
     robust = np.zeros(int(good.sum()), np.bool_)
-    closures = Constraints(start[good], end[good], matched.poses[good], information[good], robust)
+    return Constraints(start[good], end[good], matched.poses[good], information[good], robust)
+
+
+def confirmed(poses: Array, closures: Constraints, config: LoopClosingConfig) -> list[Constraints]:
+    """Those ``closures`` that another one nearby confirms, loop by loop."""
+    closures = closures.pick(np.flatnonzero(_agreed(poses, closures, config)))
     breaks = np.flatnonzero(np.diff(closures.end) > config.confirm_within) + 1
     return [closures.pick(part) for part in np.split(np.arange(len(closures)), breaks) if len(part)]
 
 
-def find_candidates(poses: Array, drift: Drift, config: LoopClosingConfig) -> Candidates:
-    """Key scans, each with the nearest earlier ones that drift since then may have carried away from it."""
+def find_candidates(poses: Array, drift: Drift, later: Indices, config: LoopClosingConfig) -> Candidates:
+    """Key scans ``later`` (k,), each with the nearest earlier ones that drift may have carried away from it."""
     path = path_lengths(poses)
     found: list[tuple[int, int, float, float]] = []
-    for k in range(config.every, len(poses), config.every):
+    for k in later.tolist():
         position, heading = drift.before(k)
         reach = np.clip(config.sigmas * position, config.least_reach, config.most_reach)
         turn = np.clip(config.sigmas * heading, config.least_turn, config.most_turn)
@@ -74,8 +81,8 @@ def find_candidates(poses: Array, drift: Drift, config: LoopClosingConfig) -> Ca
                 break
             found.append((nearest, k, float(reach[nearest]), float(turn[nearest])))
             away[np.abs(path[:k] - path[nearest]) < config.elsewhere] = np.inf
-    earlier, later, reaches, turns = (np.array(column) for column in zip(*found, strict=True)) if found else ([],) * 4
-    return Candidates(np.array(earlier, np.int64), np.array(later, np.int64), np.array(reaches), np.array(turns))
+    table = np.array(found).reshape(-1, 4)
+    return Candidates(table[:, 0].astype(np.int64), table[:, 1].astype(np.int64), table[:, 2], table[:, 3])
 
 
 def path_lengths(poses: Array) -> Array:
@@ -185,27 +192,16 @@ def overlay(field: Field, centre: Array, points: Array, turns: Array, steps: int
     return out
 
 
-def _agreed(
-    poses: Array,
-    start: Indices,
-    end: Indices,
-    measured: Array,
-    good: NDArray[np.bool_],
-    config: LoopClosingConfig,
-) -> NDArray[np.bool_]:
-    """Which closures another good one nearby confirms: it would move its key scan by nearly the same."""
-    to = geometry.compose(poses[start], measured)
-    near = (
-        (np.abs(end[:, None] - end[None]) < config.confirm_within)
-        & good[None]
-        & good[:, None]
-        & ~np.eye(len(end), dtype=bool)
-    )
+def _agreed(poses: Array, closures: Constraints, config: LoopClosingConfig) -> NDArray[np.bool_]:
+    """Which closures another one nearby confirms: it would move its key scan by nearly the same."""
+    end = closures.end
+    to = geometry.compose(poses[closures.start], closures.measured)
+    near = (np.abs(end[:, None] - end[None]) < config.confirm_within) & ~np.eye(len(end), dtype=bool)
     # What the one closure does to its own key scan, done to the other's, must put that where the other closure does.
     correction = geometry.compose(to, geometry.between(poses[end], np.zeros(3)))
     predicted = geometry.compose(correction[:, None], poses[end][None])
     missed = geometry.between(predicted, np.broadcast_to(to[None], predicted.shape))
     same: NDArray[np.bool_] = np.hypot(missed[..., 0], missed[..., 1]) < config.confirm_distance
     same &= np.abs(missed[..., 2]) < config.confirm_angle
-    confirmed: NDArray[np.bool_] = (near & same).any(axis=1)
-    return confirmed
+    agreed: NDArray[np.bool_] = (near & same).any(axis=1)
+    return agreed

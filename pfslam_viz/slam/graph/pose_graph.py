@@ -16,6 +16,7 @@ from pfslam_viz import geometry
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
+CLOSE, MOST_GRADIENTS = 1e-5, 20  # how exactly steps after the first are solved for, relatively, or else factored anew
 DAMPING = 1e-9  # 1/m² and 1/rad²: what no constraint holds stays, and the matrix can be factored
 
 
@@ -93,7 +94,7 @@ def optimize(
     Stops when no pose moves by more than ``settled_distance`` m or turns by more than ``settled_angle`` rad.
     """
     from scipy.sparse import coo_matrix
-    from scipy.sparse.linalg import splu
+    from scipy.sparse.linalg import LinearOperator, cg, splu
 
     x = np.array(poses, dtype=np.float64)
     n, k = len(x), len(constraints)
@@ -105,6 +106,7 @@ def optimize(
     columns = [(a[:, None] * 3 + rows3)[:, None, :] + np.zeros((1, 3, 1), np.intp) for a in (i, j)]
     row = np.concatenate([blocks[0].ravel(), blocks[0].ravel(), blocks[1].ravel(), blocks[1].ravel()])
     column = np.concatenate([columns[0].ravel(), columns[1].ravel(), columns[0].ravel(), columns[1].ravel()])
+    factors = None
     for _ in range(iterations):
         error = residuals(x, constraints)
         a, b = _jacobians(x, constraints)
@@ -116,7 +118,13 @@ def optimize(
         np.add.at(gradient, i, (at @ error[:, :, None])[:, :, 0])
         np.add.at(gradient, j, (bt @ error[:, :, None])[:, :, 0])
         reduced = hessian[3:, 3:] + DAMPING * _identity(3 * n - 3)
-        step = splu(reduced, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(-gradient.ravel()[3:])
+        downhill, missed = -gradient.ravel()[3:], 1
+        if factors is not None:  # those of the step before are nearly right: a few conjugate gradients do the rest
+            nearly = LinearOperator(reduced.shape, factors.solve)
+            step, missed = cg(reduced, downhill, rtol=CLOSE, maxiter=MOST_GRADIENTS, M=nearly)
+        if missed:
+            factors = splu(reduced, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+            step = factors.solve(downhill)
         change = step.reshape(-1, 3)
         x[1:] += change
         x[1:, 2] = geometry.wrap(x[1:, 2])

@@ -74,6 +74,9 @@ class FilterConstraintsConfig(Section):
 
     least_angle: float = setting(0.005, "error of the heading at least ...", "rad", gt=0)
     noise_angle: float = setting(0.02, "... and so much more per rad turned", gt=0)
+    spans: tuple[Hop, ...] = setting((30,), "key scans over which its heading is held, if the scans prefer that")
+    span_angle: float = setting(0.001, "error of the heading over such a span", "rad", gt=0)
+    sure: float = setting(3.0, "standard errors from which they do", ge=0)
     least_distance: float = setting(0.1, "error of the position across walls at least ...", "m", gt=0)
     noise_distance: float = setting(0.05, "... and so much more per m driven", gt=0)
     least_share: float = setting(0.1, "share of the walls below which an increment says nothing along them", ge=0, lt=1)
@@ -175,10 +178,38 @@ class EvidenceConfig(Section):
     margin: float = setting(0.25, "before the end of a beam, from which it has crossed a point ...", "m", ge=0)
     margin_share: float = setting(0.03, "... and so much more per m of range", ge=0)
     crossed: float = setting(1.0, "what an end point in the open speaks against, one on a wall for with 1", ge=0)
+    alike_distance: float = setting(0.002, "a pair that both trajectories put alike to so much ...", "m", ge=0)
+    alike_angle: float = setting(0.0005, "... and so much says nothing", "rad", ge=0)
     least_told: float = setting(0.1, "share of end points with something to say from which a pair counts", ge=0, le=1)
     block: int = setting(20, "successive key scans, whose evidence is not independent", ge=1)
+    fewest_blocks: int = setting(4, "of them, which are shorter on a way that has not so many", ge=2)
     sure: float = setting(1.0, "standard errors from which a loop is closed on their word", ge=0)
-    preferred: float = setting(0.5, "standard errors from which the settled trajectory is kept, which knows more")
+    preferred: float = setting(0.0, "standard errors from which the settled trajectory is kept, which knows more")
+
+
+class RevisionConfig(Section):
+    """Closing loops and settling the trajectory while the robot drives: every particle then goes on from there."""
+
+    enabled: bool = setting(True, "revise the trajectory and the maps on the way")
+    every: int = setting(5, "key scans from one look for a reason to the next", ge=1)
+    shift: float = setting(0.03, "visits that do not match by so much in the median are a reason ...", "m", gt=0)
+    turn: float = setting(0.01, "... or by so much", "rad", gt=0)
+    fewest_visits: int = setting(3, "matched visits that tell it, at least", ge=1)
+    pause: int = setting(20, "key scans from one revision to the next, at least ...", ge=1)
+    pause_share: float = setting(0.2, "... and such a share of all so far; found loops do not wait", ge=0)
+    regular_share: float = setting(0.3, "such a share more key scans are a reason of their own", gt=0)
+    choice_share: float = setting(
+        0.6, "such a share more key scans, and it is chosen anew whether the filter's headings are held", gt=0
+    )
+    first_choice: int = setting(100, "key scans from which it is chosen; before that they are not", ge=1)
+    choice_sure: float = setting(0.5, "standard errors from which they are, or are not any more", ge=0)
+    settled_distance: float = setting(5e-3, "relaxing stops when no pose moves by more ...", "m", gt=0)
+    settled_angle: float = setting(1e-3, "... or turns by more", "rad", gt=0)
+    least_move: float = setting(0.02, "a revision that moves no pose farther is dropped", "m", gt=0)
+    sure: float = setting(0.5, "standard errors from which the scans prefer a revision")
+    doubtful: float = setting(
+        0.5, "where one moved the trajectory by more, the end starts from the filter's own, too", "m", ge=0
+    )
 
 
 class GraphConfig(Config):
@@ -191,3 +222,4 @@ class GraphConfig(Config):
     drift: DriftConfig = DriftConfig()
     loop_closing: LoopClosingConfig = LoopClosingConfig()
     evidence: EvidenceConfig = EvidenceConfig()
+    revision: RevisionConfig = RevisionConfig()

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
-from pfslam_viz.slam.graph.drift import Drift, joint_deviations, spanned
+from pfslam_viz.slam.graph.drift import Drift, joint_deviations, match_deviation, spanned
 from pfslam_viz.slam.graph.evidence import compare
-from pfslam_viz.slam.graph.filter_constraints import filter_constraints
+from pfslam_viz.slam.graph.filter_constraints import filter_constraints, heading_spans
 from pfslam_viz.slam.graph.loop_closing import find_loops
 from pfslam_viz.slam.graph.odometry_errors import OdometryErrors
 from pfslam_viz.slam.graph.pose_graph import Constraints, optimize, residuals, turned, weights
@@ -34,46 +34,54 @@ class Smoothed:
 class Smoother:
     """The pose graph over one recording's key scans.
 
-    ``odometry`` (k, 3) leads from every key scan to the next; row 0 is not used. ``unknown`` (k, 3) m, m, rad is by how
-    much it may be wrong besides its noise, where the odometry knew nothing.
+    ``odometry`` (k, 3) leads from every key scan to the next; row 0 is not used. ``found`` (k - 1, 3) is what the
+    filter made of it. ``unknown`` (k, 3) m, m, rad is by how much the odometry may be wrong besides its noise, where
+    it knew nothing.
     """
 
-    def __init__(self, scans: ScanStore, odometry: Array, config: GraphConfig, unknown: Array | None = None) -> None:
+    def __init__(
+        self, scans: ScanStore, odometry: Array, found: Array, config: GraphConfig, unknown: Array | None = None
+    ) -> None:
         self.scans, self.config, self.loops = scans, config.smoothing, config.loop_closing
         self._settings = config
-        self._odometry = odometry
+        self._odometry, self._found = odometry, found
         self._unknown = np.zeros_like(odometry) if unknown is None else unknown
         self._errors = OdometryErrors(config.odometry)
-        self._filter: Constraints | None = None
+        self.held = False  # whether the filter's headings over long spans are held
 
     def smooth(self, poses: Array) -> Smoothed:
         """The key poses that agree best with all matches between neighbouring key scans and with the odometry.
 
-        The first pose stays. Loops that the particles missed are closed, all of them or else one after the other, if
-        the graph as a whole finds more support with them closed than without, or scans that it did not match do.
+        The first pose stays. Loops that the particles missed are closed, as :meth:`close_best` says.
         """
         closed = np.zeros((0, 2), np.int64)
         if len(poses) < 3:
             return Smoothed(poses, closed)
-        gates = np.array(self.config.gates)
-        self._filter = filter_constraints(self.scans, poses, self._settings.filter_constraints)
         poses, _ = self.relax(poses, np.array(self.config.first_gates))
-        self._errors = self.odometry_errors(poses)
-        poses, support = self.relax(poses, gates)
+        self.learn_errors(poses)
+        poses, support = self.choose_held(poses, self._settings.filter_constraints.sure)
         if self.loops.enabled:
             for _ in range(self.loops.searches):
                 loops = find_loops(self.scans, poses, self.drift(poses, closed), self.loops)
-                for loop in ([Constraints.join(loops)] if len(loops) > 1 else []) + loops:
-                    trial, trial_support = self.close(poses, loop)
-                    if self.is_better(trial, poses, trial_support - support):
-                        poses, support = trial, trial_support
-                        closed = np.concatenate([closed, np.stack([loop.start, loop.end], axis=-1)])
-                        break
-                else:
+                poses, support, joined = self.close_best(poses, support, loops)
+                if len(joined) == 0:
                     break
+                closed = np.concatenate([closed, joined])
         for _ in range(self.config.rounds - 2):
-            poses, _ = self.relax(poses, gates)
+            poses, _ = self.relax(poses, np.array(self.config.gates))
         return Smoothed(poses, closed)
+
+    def close_best(self, poses: Array, support: float, loops: list[Constraints]) -> tuple[Array, float, Indices]:
+        """Close ``loops``, all of them or else the first of them that is worth it.
+
+        It is if the graph as a whole finds more ``support`` with it closed than without, or scans that it did not match
+        do. Returns poses, support and the pairs (p, 2) of key scans that are held together now, none if nothing was.
+        """
+        for loop in ([Constraints.join(loops)] if len(loops) > 1 else []) + loops:
+            trial, trial_support = self.close(poses, loop)
+            if self.is_better(trial, poses, trial_support - support):
+                return trial, trial_support, np.stack([loop.start, loop.end], axis=-1)
+        return poses, support, np.zeros((0, 2), np.int64)
 
     def relax(self, poses: Array, gates: Array) -> tuple[Array, float]:
         """Match all neighbours and relax the graph once: poses (k, 3), and the sum of all constraints' weights."""
@@ -87,10 +95,35 @@ class Smoother:
         bridged = spanned(matched, len(poses), max(self.config.hops))
         motion = odometry_constraints(self._odometry, self.config, self._errors, bridged, self._unknown)
         motion = hold_together(poses, motion, self.config.scale)
-        return [motion] if self._filter is None else [motion, self._filter]
+        alone = np.flatnonzero(~bridged)  # elsewhere the filter's say would count the same scans twice
+        c = self._settings.filter_constraints
+        spans = heading_spans(self._found, c) if self.held else []
+        return [motion, filter_constraints(self.scans, self._found, alone, c), *spans]
 
-    def odometry_errors(self, poses: Array) -> OdometryErrors:
-        """The wheels' scale and the odometry's noise, from all successive key scans that can tell.
+    def choose_held(self, poses: Array, sure: float) -> tuple[Array, float]:
+        """Decide whether to hold the headings that the filter found over long spans, and relax the graph accordingly.
+
+        Errors of matches between neighbours that are alike (a lidar whose ranges are off bends every wall the same way)
+        add up along the way; those of matches with the map do not, as long as the same walls are in view. Elsewhere the
+        neighbours are the better witness. Scans that were not matched with each other tell which it is, if they are
+        ``sure`` by so many standard errors; it stays as it is where they are not.
+        """
+        gates = np.array(self.config.gates)
+        if not self._settings.filter_constraints.spans:
+            return self.relax(poses, gates)
+        matched = match(self.scans, poses, neighbouring(poses, self.config), gates, self.config)
+        graphs, before = [], self.held
+        for held in (False, True):
+            self.held = held
+            constraints = Constraints.join([*self._driven(poses, matched), matched])
+            relaxed = self._optimize(poses, constraints, self.config.iterations)
+            graphs.append((relaxed, float(weights(relaxed, constraints, self.config.scale).sum())))
+        verdict = compare(self.scans, graphs[1][0], graphs[0][0], self._settings.evidence)
+        self.held = verdict.sigmas > (-sure if before else sure)  # as before, unless there is good reason to change
+        return graphs[self.held]
+
+    def learn_errors(self, poses: Array) -> OdometryErrors:
+        """Find the wheels' scale and the odometry's noise from all successive key scans that can tell.
 
         A worn or badly measured wheel is wrong by the same share everywhere. Where a corridor leaves the scans no say,
         the odometry then says what it says elsewhere, corrected.
@@ -100,7 +133,10 @@ class Smoother:
         found = found.pick(np.flatnonzero(~self._unknown[found.end].any(axis=1)))
         deviation = odometry_deviation(self._odometry[1:], self.config)[found.start]
         config = self._settings.odometry
-        return OdometryErrors.of(config, self._odometry[found.end], found.measured, found.information, deviation)
+        self._errors = OdometryErrors.of(
+            config, self._odometry[found.end], found.measured, found.information, deviation
+        )
+        return self._errors
 
     def is_better(self, trial: Array, poses: Array, gain: float) -> bool:
         """Whether a loop is to be closed: ``trial`` (k, 3) with it closed, ``poses`` (k, 3) without.
@@ -115,13 +151,24 @@ class Smoother:
 
     def drift(self, poses: Array, closed: Indices) -> Drift:
         """How far key scans may have drifted apart, though visits are matched and the loops (p, 2) are closed."""
-        c, config = self.config, self._settings.drift
+        c = self.config
         matched = match(self.scans, poses, neighbouring(poses, c), np.array(c.gates), c)
-        matched = matched.pick(np.flatnonzero(weights(poses, matched, c.scale) > self.loops.sound))
-        visits = matched.end - matched.start > max(c.hops)
+        deviation = match_deviation(self.sound(poses, matched), c.hops, self._settings.drift)
+        return self.drift_by(poses, closed, matched, deviation)
+
+    def drift_by(self, poses: Array, closed: Indices, matched: Constraints, deviation: Array) -> Drift:
+        """The same from what is ``matched``, with the ``deviation`` (2,) m, rad of matches between neighbours."""
+        hops, config = self.config.hops, self._settings.drift
+        matched = self.sound(poses, matched)
+        visits = matched.end - matched.start > max(hops)
         links = np.concatenate([closed, np.stack([matched.start[visits], matched.end[visits]], axis=-1)])
-        joints = joint_deviations(matched, self._driven(poses, matched)[0], len(poses), c.hops, config)
+        motion = self._driven(poses, matched)[0]
+        joints = joint_deviations(matched, motion, len(poses), max(hops), config.caution * deviation)
         return Drift(poses, joints, links, config.links)
+
+    def sound(self, poses: Array, matched: Constraints) -> Constraints:
+        """Those matches that ``poses`` agree with."""
+        return matched.pick(np.flatnonzero(weights(poses, matched, self.config.scale) > self.loops.sound))
 
     def close(self, poses: Array, loop: Constraints) -> tuple[Array, float]:
         """Pull the graph together at ``loop``, then let it relax without: as :meth:`relax`."""
@@ -149,11 +196,18 @@ class Smoother:
         )
 
 
-def neighbouring(poses: Array, config: SmoothingConfig) -> Indices:
-    """Pairs (p, 2) of key scans to match, the earlier first: those a few hops on, and the nearest of earlier visits."""
+def neighbouring(poses: Array, config: SmoothingConfig, since: int = 0) -> Indices:
+    """Pairs (p, 2) of key scans to match, the earlier first: those a few hops on, and the nearest of earlier visits.
+
+    Only those whose later one is ``since`` or after it.
+    """
     n = len(poses)
-    pairs = [np.stack([np.arange(n - hop), np.arange(hop, n)], axis=-1) for hop in config.hops if hop < n]
-    pairs.append(earlier_visits(poses, config.radius, config.apart, config.neighbours, config.turn_length))
+    pairs = [
+        np.stack([np.arange(max(since - hop, 0), n - hop), np.arange(max(since, hop), n)], axis=-1)
+        for hop in config.hops
+        if hop < n
+    ]
+    pairs.append(earlier_visits(poses, config.radius, config.apart, config.neighbours, config.turn_length, since))
     return np.concatenate(pairs)
 
 

@@ -11,16 +11,17 @@ Indices = NDArray[np.int64]
 
 
 @njit(cache=True, nogil=True)
-def earlier_visits(poses: Array, radius: float, apart: int, most: int, turn_length: float) -> Indices:
+def earlier_visits(poses: Array, radius: float, apart: int, most: int, turn_length: float, since: int = 0) -> Indices:
     """Pairs (p, 2): for every key scan up to ``most`` earlier ones within ``radius`` m, the nearest of each visit.
 
-    A rad between their headings counts as ``turn_length`` m. The plain twin is in the tests.
+    Only key scans from ``since`` on are looked at. A rad between their headings counts as ``turn_length`` m. The plain
+    twin is in the tests.
     """
     n = len(poses)
-    found = np.empty((n * most, 2), np.int64)
+    found = np.empty(((n - since) * most, 2), np.int64)
     away = np.empty(n)
     count = 0
-    for later in range(n):
+    for later in range(since, n):
         last = later - apart
         any_near = False
         for k in range(last):

@@ -1,6 +1,7 @@
 """The particles' ancestry: whose map and trajectory each of them carries on."""
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
@@ -14,8 +15,10 @@ class History:
 
     def __init__(self, count: int) -> None:
         self.keys: list[int] = []  # position of every key scan among the scans so far
-        self._poses: list[Array] = []
-        self._parents: list[Indices] = []
+        self._count = 0
+        self._poses = np.empty((64, count, 3))
+        self._parents = np.empty((64, count), np.intp)
+        self._found = np.zeros((0, 3))  # the filter's increments before poses were taken over from elsewhere
         self._carried: Indices = np.arange(count)  # who each particle was at the last key scan
         self._key_of: list[int] = []  # number of the last key scan, for every scan
         self._offsets: list[Array] = []  # from that key scan, for every scan
@@ -25,26 +28,29 @@ class History:
 
     def __len__(self) -> int:
         """How many key scans there are."""
-        return len(self._poses)
+        return self._count
 
     def add_key(self, poses: Array, odometry: Array, moved: Array, unknown: float = 0.0) -> None:
         """A scan was used, with the particles at ``poses`` (N, 3).
 
         ``odometry`` (3,) led there from the key scan before, ``moved`` (3,) is what scan matching made of it;
-        ``unknown`` s of the time in between the odometry did not know. Call it
-        before :meth:`add_scan`.
+        ``unknown`` s of the time in between the odometry did not know. Call it before :meth:`add_scan`.
         """
+        if self._count == len(self._poses):
+            self._poses = np.concatenate([self._poses, np.empty_like(self._poses)])
+            self._parents = np.concatenate([self._parents, np.empty_like(self._parents)])
         self.keys.append(len(self._key_of))
-        self._poses.append(poses.copy())
+        self._poses[self._count] = poses
         self._odometry.append(odometry)
         self._moved.append(moved)
         self._unknown.append(unknown)
-        self._parents.append(self._carried)
+        self._parents[self._count] = self._carried
+        self._count += 1
         self._carried = np.arange(len(poses))
 
     def add_scan(self, offset: Array) -> None:
         """A scan came in at ``offset`` (3,) from the last key scan, which is zero for a key scan itself."""
-        self._key_of.append(len(self._poses) - 1)
+        self._key_of.append(self._count - 1)
         self._offsets.append(offset)
 
     def resample(self, ancestors: Indices) -> None:
@@ -53,12 +59,22 @@ class History:
 
     def key_poses(self, particle: int) -> Array:
         """(keys, 3) poses at the key scans of the particle that is number ``particle`` now."""
-        out = np.empty((len(self._poses), 3))
-        at = int(self._carried[particle])
-        for k in range(len(self._poses) - 1, -1, -1):
-            out[k] = self._poses[k][at]
-            at = int(self._parents[k][at])
-        return out
+        return _descent(self._poses, self._parents, self._count, int(self._carried[particle]))
+
+    def increments(self, particle: int) -> Array:
+        """(keys - 1, 3) from each key pose to the next as the filter found them, whatever became of the poses since."""
+        poses = self.key_poses(particle)[len(self._found) :]
+        return np.concatenate([self._found, geometry.between(poses[:-1], poses[1:])])
+
+    def rebase(self, particle: int, key_poses: Array, poses: Array) -> None:
+        """From now on all particles have come along ``key_poses`` (keys, 3), and stand at ``poses`` (N, 3).
+
+        What the filter itself found is kept as it was on ``particle``'s way. Call it at a key scan.
+        """
+        self._found = self.increments(particle)
+        self._poses[: self._count] = key_poses[:, None]
+        self._poses[self._count - 1] = poses
+        self._carried = np.arange(len(poses))
 
     def trajectory(self, key_poses: Array) -> Array:
         """(n, 3) a pose for every scan so far, through ``key_poses`` (keys, 3).
@@ -84,3 +100,14 @@ class History:
     def unknown(self) -> Array:
         """(keys, 1) s before each key scan of which the odometry knows nothing."""
         return np.array(self._unknown)[:, None]
+
+
+@njit(cache=True, nogil=True)
+def _descent(poses: Array, parents: Indices, count: int, at: int) -> Array:
+    """(count, 3) the poses of particle ``at`` and its ancestors; of ``poses`` (count, N, 3), ``parents`` (count, N)."""
+    out = np.empty((count, 3))
+    for k in range(count - 1, -1, -1):
+        for axis in range(3):
+            out[k, axis] = poses[k, at, axis]
+        at = parents[k, at]
+    return out

@@ -12,12 +12,14 @@ from pfslam_viz.slam.belief import Belief
 from pfslam_viz.slam.graph.evidence import Verdict, compare
 from pfslam_viz.slam.graph.odometry_errors import OdometryErrors
 from pfslam_viz.slam.graph.pose_graph import turned
+from pfslam_viz.slam.graph.revision import Reviser
 from pfslam_viz.slam.graph.scan_matching import open_direction
 from pfslam_viz.slam.graph.scan_store import Matches, ScanStore
+from pfslam_viz.slam.graph.settings import GraphConfig
 from pfslam_viz.slam.graph.smoothing import Smoother
 from pfslam_viz.slam.graph.walls import within
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
-from pfslam_viz.slam.protocol import Kept, LoopClosure, Match, Scan
+from pfslam_viz.slam.protocol import Kept, LoopClosure, Match, Revision, Scan
 from pfslam_viz.slam.rbpf.best_map import BestMap
 from pfslam_viz.slam.rbpf.history import History
 from pfslam_viz.slam.rbpf.proposal import propose, spread_points, window
@@ -63,6 +65,7 @@ class RaoBlackwellizedFilter(Belief):
         self._history = History(n)
         self._scans = ScanStore(np.zeros(2), config.scan_matching, self._worker)
         self._key_particles = self._particles
+        self._reviser = Reviser(config)
         self._smoothed: Array | None = None
         self._verdict: Verdict | None = None
         self._closures: tuple[LoopClosure, ...] = ()
@@ -288,6 +291,42 @@ class RaoBlackwellizedFilter(Belief):
         """(n, 3) the most likely particle's whole history, smoothed once all scans are in."""
         return self._history.trajectory(self._key_poses())
 
+    def revise(self) -> Revision | None:
+        """Close loops on the way: the likeliest particle's trajectory settled, if the scans clearly prefer it.
+
+        All particles then go on from there, as far apart as they are, with the map that it makes.
+        """
+        if not self._keyed or not self._reviser.is_due(len(self._history)):
+            return None
+        before = self._history.key_poses(self._leader)
+        revised = self._reviser.revise(self._smoother(self._reviser.config), before)
+        if revised is None:
+            return None
+        particles, weights = self._weighed
+        to, at = revised.poses[-1], before[-1]
+        self._particles = self._key_particles = geometry.compose(to, geometry.between(at, self._particles))
+        self._weighed = (geometry.compose(to, geometry.between(at, particles)), weights)
+        self._best = geometry.compose(to, geometry.between(at, self._best))
+        self._history.rebase(self._leader, revised.poses, self._particles)
+        self._maps = self._redrawn(revised.poses)
+        self._maps.spread(len(self._particles))
+        self._grid.show(self._maps, self._leader)
+        moved = float(np.hypot(*(revised.poses - before)[:, :2].T).max())
+        return Revision(self.trajectory(), tuple(self._closure(int(a), int(b)) for a, b in revised.closed), moved)
+
+    def _smoother(self, config: GraphConfig) -> Smoother:
+        s = self._settings
+        unknown = self._history.unknown() * [s.unknown_speed, s.unknown_speed, s.unknown_turn]
+        found = self._history.increments(self._leader)
+        return Smoother(self._scans, self._history.odometry(), found, config, unknown)
+
+    def _redrawn(self, poses: Array) -> TileMaps:
+        """One map of all key scans, as seen from ``poses`` (k, 3)."""
+        maps = TileMaps(1, self._maps.settings)
+        for k, pose in enumerate(poses):
+            maps.write(pose[None], self._scans.points_of(k), self._scans.lidar_position)
+        return maps
+
     def finish(self) -> None:
         """Settle the most likely particle's trajectory in hindsight, and write its map anew.
 
@@ -295,19 +334,20 @@ class RaoBlackwellizedFilter(Belief):
         """
         if not self.config.smoothing.enabled or len(self._scans) == 0:
             return
-        s = self._settings
-        unknown = self._history.unknown() * [s.unknown_speed, s.unknown_speed, s.unknown_turn]
-        smoother = Smoother(self._scans, self._history.odometry(), self.config, unknown)
-        smoothed = smoother.smooth(self._key_poses())
-        self._verdict = compare(self._scans, smoothed.poses, self._key_poses(), self.config.evidence)
-        if self._verdict.sigmas < self.config.evidence.preferred:
-            return
-        self._smoothed = smoothed.poses
-        self._closures = tuple(self._closure(int(earlier), int(later)) for earlier, later in smoothed.closed)
-        maps = TileMaps(1, self._maps.settings)
-        for k, pose in enumerate(self._smoothed):
-            maps.write(pose[None], self._scans.points_of(k), self._scans.lidar_position)
-        self._grid.show(maps, 0)
+        before = self._key_poses()
+        smoothed = self._smoother(self.config).smooth(before)
+        if self._reviser.moved > self.config.revision.doubtful:  # perhaps for the worse
+            own = geometry.accumulate(np.vstack([before[:1], self._history.increments(self._leader)]))
+            other = self._smoother(self.config).smooth(own)
+            if compare(self._scans, other.poses, smoothed.poses, self.config.evidence).sigmas > 0.0:
+                smoothed = other
+        self._verdict = compare(self._scans, smoothed.poses, before, self.config.evidence)
+        closed = self._reviser.closed
+        if self._verdict.sigmas >= self.config.evidence.preferred:
+            self._smoothed = smoothed.poses
+            closed = np.concatenate([closed, smoothed.closed])
+            self._grid.show(self._redrawn(smoothed.poses), 0)
+        self._closures = tuple(self._closure(int(earlier), int(later)) for earlier, later in closed)
 
     @property
     def kept(self) -> Kept | None:
@@ -323,7 +363,7 @@ class RaoBlackwellizedFilter(Belief):
 
     @property
     def closures(self) -> tuple[LoopClosure, ...]:
-        """The loops that smoothing closed."""
+        """The loops that were closed on the way and at the end."""
         return self._closures
 
     def _closure(self, earlier: int, later: int) -> LoopClosure:

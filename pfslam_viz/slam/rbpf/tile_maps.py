@@ -114,6 +114,10 @@ class TileMaps:
         self.table = self.table[parents]
         self._count_references()
 
+    def spread(self, count: int) -> None:
+        """From now on there are ``count`` maps, all of them like the first one."""
+        self.resample(np.zeros(count, np.intp))
+
     def project(self, index: int, pose: Floats, points: Floats) -> tuple[Floats, NDArray[np.bool_]]:
         """End points (m, 2) in the world from ``pose`` (3,), and whether each falls on an occupied cell of one map."""
         return project(self.table[index], self.log_odds, self.origin, self.cell, self._threshold, pose, points)

@@ -84,4 +84,6 @@ def test_triangles_tell_how_precise_matches_are() -> None:
 def test_joints_without_a_match_are_as_good_as_the_odometry() -> None:
     matched = constraints([0], [1], np.zeros((1, 3)))
     motion = constraints([0, 1], [1, 2], np.zeros((2, 3)), information=0.25)
-    np.testing.assert_allclose(joint_deviations(matched, motion, 3, HOPS, CONFIG), [[0.02, 0.01], [2.0, 2.0]])
+    np.testing.assert_allclose(
+        joint_deviations(matched, motion, 3, 8, np.array([0.02, 0.01])), [[0.02, 0.01], [2.0, 2.0]]
+    )

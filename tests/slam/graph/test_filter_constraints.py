@@ -87,8 +87,9 @@ def test_the_increments_are_as_firm_as_configured_by_hand() -> None:
 
     The walls are those of the scan that was matched with the map, the later one.
     """
-    poses = geometry.accumulate(np.array([[1.0, 2.0, 0.5], [0.3, -0.4, -0.2], [0.0, 0.0, 0.0]]))
-    c = filter_constraints(store_of(np.zeros((0, 2)), ROOM, corridor()), poses, CONFIG)
+    increments = np.array([[0.3, -0.4, -0.2], [0.0, 0.0, 0.0]])
+    store = store_of(np.zeros((0, 2)), ROOM, corridor())
+    c = filter_constraints(store, increments, np.arange(2), CONFIG)
     assert (c.start.tolist(), c.end.tolist(), c.robust.tolist()) == ([0, 1], [1, 2], [True, True])
     np.testing.assert_allclose(c.measured, np.array([[0.3, -0.4, -0.2], [0.0, 0.0, 0.0]]), atol=1e-12)
     np.testing.assert_allclose(c.information[0], np.diag([0.5 / 0.35**2, 1 / 0.35**2, 1 / 0.03**2]), atol=1e-4)
@@ -98,9 +99,11 @@ def test_the_increments_are_as_firm_as_configured_by_hand() -> None:
 def test_a_scan_without_walls_gives_no_constraint_at_all() -> None:
     """Not even on the heading: there the odometry led the particles."""
     nothing = np.zeros((0, 2))
-    poses = geometry.accumulate(np.tile([0.2, 0.0, 0.1], (5, 1)))
-    c = filter_constraints(store_of(ROOM, nothing, corridor(), ROOM[:5], ROOM), poses, CONFIG)
+    increments = np.tile([0.2, 0.0, 0.1], (4, 1))
+    store = store_of(ROOM, nothing, corridor(), ROOM[:5], ROOM)
+    c = filter_constraints(store, increments, np.arange(4), CONFIG)
     assert (c.start.tolist(), c.end.tolist()) == ([1, 3], [2, 4])
     np.testing.assert_allclose(c.measured, np.tile([0.2, 0.0, 0.1], (2, 1)), atol=1e-12)
     assert c.information.shape == (2, 3, 3) and c.robust.shape == (2,)
-    assert len(filter_constraints(store_of(nothing, nothing), poses[:2], CONFIG)) == 0
+    assert len(filter_constraints(store_of(nothing, nothing), increments[:1], np.arange(1), CONFIG)) == 0
+    assert filter_constraints(store, increments, np.array([3]), CONFIG).start.tolist() == [3]

@@ -61,7 +61,8 @@ def test_candidates_are_far_back_on_the_path_and_near_in_space() -> None:
     poses = np.concatenate([out, back])
     config = CONFIG.model_copy(update={"least_loop": 10.0, "least_reach": 1.0, "most_reach": 2.0, "least_turn": 0.2})
     drift = Drift(poses, np.tile([0.1, 0.0], (79, 1)), NO_LINKS, 100)
-    found = find_candidates(poses, drift, config)
+    later = np.arange(CONFIG.every, 80, CONFIG.every)
+    found = find_candidates(poses, drift, later, config)
     assert len(found.later) > 0 and (found.later % CONFIG.every == 0).all()
     assert (found.later >= 40).all()
     nearest = np.unique(found.later, return_index=True)[1]
@@ -71,7 +72,7 @@ def test_candidates_are_far_back_on_the_path_and_near_in_space() -> None:
     np.testing.assert_allclose(found.reach, np.clip(0.3 * np.sqrt(found.later - found.earlier), 1.0, 2.0))
     np.testing.assert_allclose(found.turn, 0.2)
     sure = Drift(poses, np.tile([0.01, 0.0], (79, 1)), NO_LINKS, 100)
-    assert len(find_candidates(poses, sure, config).later) == 0  # 1 m of reach does not bridge 1.5 m
+    assert len(find_candidates(poses, sure, later, config).later) == 0  # 1 m of reach does not bridge 1.5 m
 
 
 def room_walls(features: bool) -> Array:

@@ -28,7 +28,7 @@ NO_LOOPS = LoopClosingConfig(enabled=False)
 CORRIDOR = np.array([(-100.0, -1.1, 100.0, -1.1), (-100.0, 1.1, 100.0, 1.1)])
 # The poses these tests start from are the odometry's or wrong on purpose, no filter's, which matched them with its map:
 # so many walls no scan has, and the graph takes nothing from them but where it starts.
-NO_FILTER = FilterConstraintsConfig(fewest_walls=10**6)
+NO_FILTER = FilterConstraintsConfig(fewest_walls=10**6, spans=())
 
 
 def graph(
@@ -61,6 +61,11 @@ def steps_of(poses: Array) -> Array:
     return np.vstack([np.zeros(3), geometry.between(poses[:-1], poses[1:])])
 
 
+def found(poses: Array) -> Array:
+    """What the filter's increments (k - 1, 3) are if these are its poses (k, 3)."""
+    return steps_of(poses)[1:]
+
+
 def drifting(steps: Array, rng: np.random.Generator, scale: float = 1.02, turn: float = 0.002) -> Array:
     """Odometry whose wheels are ``scale`` too large and whose heading drifts by ``turn`` rad a step."""
     moved = np.hypot(steps[:, 0], steps[:, 1])[:, None] > 0
@@ -83,7 +88,7 @@ def test_a_drifted_round_is_smoothed_to_the_truth(seed: int, block: Array) -> No
     scans = scans_from(block, truth, rng)
     odometry = drifting(steps_of(truth), rng)
     drifted = geometry.accumulate(odometry)
-    smoothed = Smoother(scans, odometry, graph()).smooth(drifted)
+    smoothed = Smoother(scans, odometry, found(drifted), graph()).smooth(drifted)
     assert rms(drifted, truth)[0] > 0.5
     distance, turn = rms(smoothed.poses, truth)
     assert distance < 0.012 and turn < math.radians(0.15)
@@ -97,11 +102,12 @@ def test_the_second_visit_is_laid_on_the_first(block: Array) -> None:
     truth = around()
     scans = scans_from(block, truth, rng)
     odometry = drifting(steps_of(truth), rng)
-    smoothed = Smoother(scans, odometry, graph()).smooth(geometry.accumulate(odometry)).poses
+    drifted = geometry.accumulate(odometry)
+    smoothed = Smoother(scans, odometry, found(drifted), graph()).smooth(drifted).poses
     missed = geometry.between(geometry.between(smoothed[1], smoothed[-9]), geometry.between(truth[1], truth[-9]))
     assert np.abs(missed[:2]).max() < 0.01 and abs(missed[2]) < 0.004
-    alone = Smoother(scans, odometry, graph(SmoothingConfig(neighbours=0)))
-    without = alone.smooth(geometry.accumulate(odometry)).poses
+    alone = Smoother(scans, odometry, found(drifted), graph(SmoothingConfig(neighbours=0)))
+    without = alone.smooth(drifted).poses
     assert rms(smoothed, truth)[0] < rms(without, truth)[0]
 
 
@@ -120,8 +126,9 @@ def test_a_round_that_missed_its_start_is_closed(block: Array) -> None:
     drifted = geometry.accumulate(odometry)
     assert rms(drifted[-10:], truth[-10:])[0] > 1.5
     config = SmoothingConfig(radius=1.0)
-    left = Smoother(blinded, odometry, graph(config)).smooth(drifted)
-    closed = Smoother(blinded, odometry, graph(config, LoopClosingConfig(least_reach=3.0))).smooth(drifted)
+    left = Smoother(blinded, odometry, found(drifted), graph(config)).smooth(drifted)
+    loops = LoopClosingConfig(least_reach=3.0)
+    closed = Smoother(blinded, odometry, found(drifted), graph(config, loops)).smooth(drifted)
     assert rms(left.poses[-10:], truth[-10:])[0] > 0.5 and len(left.closed) == 0
     assert rms(closed.poses[-10:], truth[-10:])[0] < 0.03
     assert len(closed.closed) > 0
@@ -142,7 +149,7 @@ def test_where_the_scans_are_open_odometry_rules() -> None:
     odometry = steps_of(truth) * [0.97, 1.0, 1.0]
     start = truth * [1.1, 1.0, 1.0]
     start[1:] += rng.normal(0, [0.0, 0.02, 0.01], (39, 3))
-    smoothed = Smoother(scans, odometry, graph()).smooth(start).poses
+    smoothed = Smoother(scans, odometry, found(start), graph()).smooth(start).poses
     frame = np.array([0.0, 0.0, -0.05])  # the corridor's axis, seen from the first pose
     along, across = geometry.transform(geometry.inverse(frame), smoothed[:, :2] - truth[:, :2]).T
     reckoned = geometry.transform(geometry.inverse(frame), geometry.accumulate(odometry)[:, :2] - truth[:, :2])[:, 0]
@@ -158,7 +165,7 @@ def test_scans_that_see_nothing_leave_the_odometry() -> None:
         scans.add(np.zeros((0, 2)))
     poses = geometry.accumulate(odometry)
     start = poses + np.linspace(0, 0.1, 12)[:, None]
-    smoothed = Smoother(scans, odometry, graph(loops=LoopClosingConfig())).smooth(start).poses
+    smoothed = Smoother(scans, odometry, found(start), graph(loops=LoopClosingConfig())).smooth(start).poses
     np.testing.assert_allclose(geometry.between(start[0], smoothed), geometry.between(poses[0], poses), atol=2e-3)
 
 
@@ -166,7 +173,7 @@ def test_one_or_two_key_scans_stay_as_they_are(block: Array) -> None:
     poses = np.array([[0.0, 0, 0], [0.3, 0.1, 0.2]])
     scans = scans_from(block, poses, np.random.default_rng(6))
     for k in (1, 2):
-        smoother = Smoother(scans, steps_of(poses)[:k], GraphConfig())
+        smoother = Smoother(scans, steps_of(poses)[:k], found(poses[:k]), GraphConfig())
         np.testing.assert_array_equal(smoother.smooth(poses[:k]).poses, poses[:k])
 
 
@@ -182,6 +189,9 @@ def test_neighbours_are_some_hops_on_and_the_earlier_visits() -> None:
     pairs = neighbouring(poses, SmoothingConfig(apart=5))
     assert [tuple(pair) for pair in pairs.tolist()] == [*expected, (0, 11)]
     assert [tuple(pair) for pair in neighbouring(poses[:2], SmoothingConfig()).tolist()] == [(0, 1)]
+    late = [(k, k + hop) for hop in (1, 2, 4, 8) for k in range(12 - hop) if k + hop >= 10]
+    pairs = neighbouring(poses, SmoothingConfig(apart=5), since=10)
+    assert [tuple(pair) for pair in pairs.tolist()] == [*late, (0, 11)]
 
 
 # What is believed
@@ -196,14 +206,16 @@ def test_matches_become_constraints_and_bad_ones_are_left_out(block: Array) -> N
     wrong = np.vstack([truth[0], truth[1] + np.array([0.04, -0.03, 0.02]), np.zeros(3)])
     config = SmoothingConfig(temper=0.1, distance=0.02)
     pairs = np.array([[0, 1], [0, 2], [1, 2]])
-    found = match(scans, wrong, pairs, np.array([0.3, 0.1]), config)
-    assert (found.start.tolist(), found.end.tolist(), found.robust.tolist()) == ([0], [1], [True])
-    np.testing.assert_allclose(found.measured[0], truth[1], atol=2e-3)
+    matched = match(scans, wrong, pairs, np.array([0.3, 0.1]), config)
+    assert (matched.start.tolist(), matched.end.tolist(), matched.robust.tolist()) == ([0], [1], [True])
+    np.testing.assert_allclose(matched.measured[0], truth[1], atol=2e-3)
     raw = scans.match(
         np.array([0]), np.array([1]), truth[1:], np.full(3, 1e-6), np.array([0.1]), iterations=15
     ).information[0]
     quarter = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
-    np.testing.assert_allclose(found.information[0], 0.1 * quarter.T @ raw @ quarter, rtol=0.05, atol=0.02 * raw.max())
+    np.testing.assert_allclose(
+        matched.information[0], 0.1 * quarter.T @ raw @ quarter, rtol=0.05, atol=0.02 * raw.max()
+    )
 
 
 def test_the_odometry_is_as_good_as_configured() -> None:
@@ -247,16 +259,16 @@ def test_the_wheels_scale_is_found_where_scans_can_tell(scale: float, block: Arr
     rng = np.random.default_rng(5)
     truth = around()
     odometry = drifting(steps_of(truth), rng, scale=scale, turn=0.0)
-    smoother = Smoother(scans_from(block, truth, rng), odometry, GraphConfig())
-    assert smoother.odometry_errors(truth).scale == pytest.approx(1.0 / scale, abs=0.008)
+    smoother = Smoother(scans_from(block, truth, rng), odometry, found(truth), GraphConfig())
+    assert smoother.learn_errors(truth).scale == pytest.approx(1.0 / scale, abs=0.008)
 
 
 def test_a_bare_corridor_says_nothing_of_the_wheels() -> None:
     rng = np.random.default_rng(6)
     truth = geometry.accumulate([(0.0, 0.0, 0.0)] + [(0.2, 0.0, 0.0)] * 60)
     odometry = steps_of(truth) * np.array([1.1, 1.1, 1.0])
-    smoother = Smoother(scans_from(CORRIDOR, truth, rng), odometry, GraphConfig())
-    assert smoother.odometry_errors(truth).scale == 1.0
+    smoother = Smoother(scans_from(CORRIDOR, truth, rng), odometry, found(truth), GraphConfig())
+    assert smoother.learn_errors(truth).scale == 1.0
 
 
 def test_the_scale_leaves_out_where_the_odometry_knew_nothing(block: Array) -> None:
@@ -268,9 +280,9 @@ def test_the_scale_leaves_out_where_the_odometry_knew_nothing(block: Array) -> N
     unknown[::2] = [0.5, 0.5, 1.5]
     odometry[::2] *= 0.85
     scans = scans_from(block, truth, rng)
-    found = Smoother(scans, odometry, GraphConfig(), unknown).odometry_errors(truth)
-    assert found.scale == pytest.approx(1.0 / 1.03, abs=0.008)
-    trusting = Smoother(scans, odometry, GraphConfig()).odometry_errors(truth)
+    errors = Smoother(scans, odometry, found(truth), GraphConfig(), unknown).learn_errors(truth)
+    assert errors.scale == pytest.approx(1.0 / 1.03, abs=0.008)
+    trusting = Smoother(scans, odometry, found(truth), GraphConfig()).learn_errors(truth)
     assert abs(trusting.scale - 1.0 / 1.03) > 0.02
 
 
@@ -312,7 +324,7 @@ def test_odometry_that_knows_nothing_has_no_say(told: bool) -> None:
     odometry[4:6] = [0.5, 0.0, 0.0]
     unknown = np.zeros_like(odometry)
     unknown[4:6] = [0.25, 0.25, 0.75] if told else 0.0
-    smoother = Smoother(scans, odometry, graph(SmoothingConfig(scale=1000.0)), unknown)
+    smoother = Smoother(scans, odometry, found(truth), graph(SmoothingConfig(scale=1000.0)), unknown)
     missed = (smoother.smooth(truth).poses - truth)[:, 0]
     assert abs(missed[-1]) < 0.02
     if told:
@@ -329,7 +341,8 @@ def test_the_filters_increments_hold_where_matches_are_refused(block: Array) -> 
     odometry[61] += [0.05, 0.05, 0.35]
     scans = scans_from(block, truth, rng)
     refused = SmoothingConfig(neighbours=0, overlap=1.0)  # not one match is good enough
-    without = Smoother(scans, odometry, graph(refused)).smooth(truth).poses
-    given = Smoother(scans, odometry, graph(refused, given=FilterConstraintsConfig())).smooth(truth).poses
+    without = Smoother(scans, odometry, found(truth), graph(refused)).smooth(truth).poses
+    told = graph(refused, given=FilterConstraintsConfig())
+    given = Smoother(scans, odometry, found(truth), told).smooth(truth).poses
     assert rms(without, truth)[1] > 0.2
     assert rms(given, truth)[0] < 0.15 and rms(given, truth)[1] < 0.02
