@@ -409,7 +409,7 @@ EVIDENCE_OTHER: dict[str, Any] = {
     "alike_distance": 0.05,
     "alike_angle": 0.02,
 }
-EVIDENCE_GIVEN = {
+EVIDENCE_GIVEN: dict[str, dict[str, Any]] = {
     "turn_length": {"visits": 1, "apart": 8},
     "fewest_blocks": {"block": 1000},
     "alike_distance": {"alike_angle": 10.0},

@@ -330,7 +330,7 @@ class RaoBlackwellizedFilter(Belief):
     def finish(self) -> None:
         """Settle the most likely particle's trajectory in hindsight, and write its map anew.
 
-        Unless the scans do not clearly prefer it to what the particle has: then that is kept.
+        Unless the scans do not prefer it to what the particle has: then that is kept.
         """
         if not self.config.smoothing.enabled or len(self._scans) == 0:
             return
