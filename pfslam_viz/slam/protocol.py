@@ -67,8 +67,8 @@ class Kept:
     """Which of two trajectories was kept when all scans were in: that of the run, or the one settled in hindsight.
 
     ``gain`` is by how much more the scans agree with the settled one, as a share of a scan's end points, judged by
-    scans that no fit had matched; ``sigmas`` is that over its standard error. The settled one is kept if the scans speak
-    for it by as many as the settings ask for, else the ``online`` one.
+    scans that no fit had matched; ``sigmas`` is that over its standard error. The settled one is kept if the scans
+    speak for it by as many as the settings ask for, else the ``online`` one.
     """
 
     trajectory: Literal["settled", "online"]

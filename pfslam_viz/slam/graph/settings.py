@@ -184,7 +184,7 @@ class EvidenceConfig(Section):
     block: int = setting(20, "successive key scans, whose evidence is not independent", ge=1)
     fewest_blocks: int = setting(4, "of them, which are shorter on a way that has not so many", ge=2)
     sure: float = setting(1.0, "standard errors from which a loop is closed on their word", ge=0)
-    preferred: float = setting(0.0, "standard errors from which the settled trajectory is kept, which knows more")
+    preferred: float = setting(0.25, "standard errors from which the settled trajectory is kept, which knows more")
 
 
 class RevisionConfig(Section):
