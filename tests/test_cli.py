@@ -136,7 +136,7 @@ def test_kernels_load_without_scipys_linear_algebra_which_can_be_imported_later(
 def test_numpys_own_threads_are_left_out() -> None:
     start = (
         "import os, sys\nfrom pfslam_viz import cli\nsys.argv[1:] = ['--version']\n"
-        "os.environ.pop('OPENBLAS_NUM_THREADS', None)\n"
+        "for who in ('OPENBLAS', 'OMP', 'MKL'): os.environ.pop(f'{who}_NUM_THREADS', None)\n"
     )
     main = "try: cli.main()\nexcept SystemExit: pass\n"
     count = "import numpy\nprint(len(os.listdir('/proc/self/task')))"
