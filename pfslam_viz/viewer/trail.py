@@ -25,7 +25,6 @@ class Trail:
     ) -> tuple[list[tuple[int, Points]], list[Points]]:
         """Append poses (n, 3), of which x and y count, or n points of three numbers where these are kept.
 
-
         ``revised`` (n,) holds, where all that came before turned out to be different, the whole trajectory up to there
         (m, 2). Returns the ``done`` strips with the row (index into ``poses``) each belongs to, and an ``open`` strip a
         row.

@@ -86,19 +86,30 @@ class Smoother:
     def relax(self, poses: Array, gates: Array) -> tuple[Array, float]:
         """Match all neighbours and relax the graph once: poses (k, 3), and the sum of all constraints' weights."""
         matched = match(self.scans, poses, neighbouring(poses, self.config), gates, self.config)
+        return self._relax_by(poses, matched)
+
+    def _relax_by(self, poses: Array, matched: Constraints) -> tuple[Array, float]:
+        """The same with what is ``matched`` already."""
         constraints = Constraints.join([*self._driven(poses, matched), matched])
         poses = self._optimize(poses, constraints, self.config.iterations)
         return poses, float(weights(poses, constraints, self.config.scale).sum())
 
     def _driven(self, poses: Array, matched: Constraints) -> list[Constraints]:
         """What is known of the motion from key scan to key scan besides the ``matched`` scans."""
-        bridged = spanned(matched, len(poses), max(self.config.hops))
-        motion = odometry_constraints(self._odometry, self.config, self._errors, bridged, self._unknown)
-        motion = hold_together(poses, motion, self.config.scale)
+        bridged = self._bridged(poses, matched)
         alone = np.flatnonzero(~bridged)  # elsewhere the filter's say would count the same scans twice
         c = self._settings.filter_constraints
         spans = heading_spans(self._found, c) if self.held else []
-        return [motion, filter_constraints(self.scans, self._found, alone, c), *spans]
+        return [self._motion(poses, bridged), filter_constraints(self.scans, self._found, alone, c), *spans]
+
+    def _bridged(self, poses: Array, matched: Constraints) -> NDArray[np.bool_]:
+        """Which joints (k - 1,) between key scans what is ``matched`` reaches over."""
+        return spanned(matched, len(poses), max(self.config.hops))
+
+    def _motion(self, poses: Array, bridged: NDArray[np.bool_]) -> Constraints:
+        """What the odometry says where joints (k - 1,) are ``bridged`` by matches, and where not."""
+        motion = odometry_constraints(self._odometry, self.config, self._errors, bridged, self._unknown)
+        return hold_together(poses, motion, self.config.scale)
 
     def choose_held(self, poses: Array, sure: float) -> tuple[Array, float]:
         """Decide whether to hold the headings that the filter found over long spans, and relax the graph accordingly.
@@ -115,9 +126,7 @@ class Smoother:
         graphs, before = [], self.held
         for held in (False, True):
             self.held = held
-            constraints = Constraints.join([*self._driven(poses, matched), matched])
-            relaxed = self._optimize(poses, constraints, self.config.iterations)
-            graphs.append((relaxed, float(weights(relaxed, constraints, self.config.scale).sum())))
+            graphs.append(self._relax_by(poses, matched))
         verdict = compare(self.scans, graphs[1][0], graphs[0][0], self._settings.evidence)
         self.held = verdict.sigmas > (-sure if before else sure)  # as before, unless there is good reason to change
         return graphs[self.held]
@@ -162,7 +171,7 @@ class Smoother:
         matched = self.sound(poses, matched)
         visits = matched.end - matched.start > max(hops)
         links = np.concatenate([closed, np.stack([matched.start[visits], matched.end[visits]], axis=-1)])
-        motion = self._driven(poses, matched)[0]
+        motion = self._motion(poses, self._bridged(poses, matched))
         joints = joint_deviations(matched, motion, len(poses), max(hops), config.caution * deviation)
         return Drift(poses, joints, links, config.links)
 
@@ -175,10 +184,10 @@ class Smoother:
         c = self.config
         first_gates, gates = np.array(c.first_gates), np.array(c.gates)
         matched = match(self.scans, poses, neighbouring(poses, c), gates, c)
-        sound = weights(poses, matched, c.scale) > self.loops.sound
-        chain = matched.end - matched.start <= max(c.hops)
-        firm = matched.pick(np.flatnonzero(chain & sound)).firm()  # what joins successive scans bends, it does not snap
-        visits = matched.pick(np.flatnonzero(~chain))
+        sound, longest = self.sound(poses, matched), max(c.hops)
+        chain = sound.pick(np.flatnonzero(sound.end - sound.start <= longest))
+        firm = chain.firm()  # what joins successive scans bends, it does not snap
+        visits = matched.pick(np.flatnonzero(matched.end - matched.start > longest))
         pulled = Constraints.join([*self._driven(poses, matched), firm, visits, loop])
         poses = self._optimize(poses, pulled, 2 * c.iterations)  # a pull from far takes longer
         poses, _ = self.relax(poses, first_gates)
