@@ -75,14 +75,14 @@ class Reviser:
             revised, support = smoother.relax(poses, gates)
         revised, _, joined = smoother.close_best(revised, support, loops)
         if len(joined):
-            self.closed = np.concatenate([self.closed, joined])
-            self._closures = NOTHING
+            self._closures = NOTHING  # if what comes of them is refused below, they need not be tried again
         moved = float(np.hypot(*(revised - poses)[:, :2].T).max())
         if moved < c.least_move:
             return None
         if compare(smoother.scans, revised, poses, self.config.evidence).sigmas < c.sure:
             return None
         self.moved = max(self.moved, moved)
+        self.closed = np.concatenate([self.closed, joined])
         return Smoothed(revised, joined)
 
     def _look(self, scans: ScanStore, poses: Array) -> bool | None:

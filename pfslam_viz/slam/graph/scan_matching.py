@@ -31,7 +31,6 @@ class MatchingRules(NamedTuple):
     robust_gate: float
     facing: float
     fewest_points: int
-    open_share: float
     settled_distance: float
     settled_angle: float
 
@@ -97,6 +96,7 @@ def match_pairs(
     bearings: Singles,
     first: Indices,
     lidar_position: Floats,
+    open_shares: Floats,
     references: Indices,
     others: Indices,
     guesses: Floats,
@@ -109,7 +109,8 @@ def match_pairs(
     """Match scan ``others[k]`` against scan ``references[k]``, from ``guesses`` (k, 3) in the reference's frame.
 
     ``gates`` (g,) m are the greatest distances of correspondences, used in turn over the ``iterations``. ``prior`` (3,)
-    is the information that holds the result to the guess. Returns poses (k, 3), the information of the scans alone
+    is the information that holds the result to the guess. ``open_shares`` (scans,) is the share of a reference's
+    information under which it says nothing in a direction. Returns poses (k, 3), the information of the scans alone
     (k, 3, 3), the share of points that found a partner within the last gate (k,) and their mean |distance| m (k,).
     """
     count = len(references)
@@ -175,7 +176,7 @@ def match_pairs(
                 g[1] += w * ny * e
                 g[2] += w * jt * e
             h[1, 0], h[2, 0], h[2, 1] = h[0, 1], h[0, 2], h[1, 2]
-            _forget_open_direction(h, g, rules.open_share)
+            _forget_open_direction(h, g, open_shares[references[k]])
             overlap[k] = partners / max(used, 1)
             distance[k] = sum_distance / max(partners, 1)
             information[k] = h

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pfslam_viz import geometry
 from pfslam_viz.slam.graph.scan_matching import MatchingRules, match_pairs
 from pfslam_viz.slam.graph.settings import LoopClosingConfig, ScanMatchingConfig, SmoothingConfig
-from pfslam_viz.slam.graph.walls import describe
+from pfslam_viz.slam.graph.walls import describe, thinned
 from pfslam_viz.slam.worker import Worker
 
 Array = NDArray[np.float64]
@@ -68,6 +68,7 @@ class ScanStore:
         self.worker = worker or Worker(threads=1)
         self._rows = np.zeros((1024, 5), np.float32)
         self._first = np.zeros(64, np.int64)
+        self._open_shares = np.zeros(64)
         self._count = 0
 
     def __len__(self) -> int:
@@ -98,17 +99,21 @@ class ScanStore:
         return self.points[self._first[scan] : self._first[scan + 1]].astype(np.float64)
 
     def add(self, points: Array) -> None:
-        """Append a scan's end points (m, 2), in the order of the beams; thinned evenly to ``most_points``."""
+        """Append a scan's end points (m, 2), in the order of the beams; thinned where they lie close together."""
         c = self.config
-        points = points[:: 1 + max(len(points) - 1, 0) // c.most_points]
+        points = thinned(points, c.most_points, c.sparse)
         start = int(self._first[self._count])
         end = start + len(points)
         while end > len(self._rows):
             self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
         if self._count + 2 > len(self._first):
             self._first = np.concatenate([self._first, np.zeros_like(self._first)])
+            self._open_shares = np.concatenate([self._open_shares, np.zeros_like(self._open_shares)])
         rows = self._rows[start:end]
-        describe(points, self.lidar_position, c.wall_reach, c.wall_spacings, c.wall_neighbours, c.wall_flatness, rows)
+        noise = describe(
+            points, self.lidar_position, c.wall_reach, c.wall_spacings, c.wall_neighbours, c.wall_flatness, rows
+        )
+        self._open_shares[self._count] = min(max(c.open_noise * noise, c.open_least), c.open_share)
         self._count += 1
         self._first[self._count] = end
 
@@ -140,6 +145,7 @@ class ScanStore:
                 self.bearings,
                 self.first,
                 self.lidar_position,
+                self._open_shares,
                 references[k],
                 others[k],
                 guesses[k],

@@ -13,7 +13,8 @@ Hop = Annotated[int, Field(ge=1)]
 class ScanMatchingConfig(Section):
     """Point-to-line ICP between two scans (Censi 2008)."""
 
-    most_points: int = setting(400, "end points of a scan that are kept, evenly", ge=10)
+    most_points: int = setting(400, "end points of a scan that are kept, evenly ...", ge=10)
+    sparse: float = setting(0.08, "... and all that are as far as this from the one before", "m", gt=0)
     wall_reach: float = setting(0.3, "neighbours this near tell a wall's direction ...", "m", gt=0)
     wall_spacings: float = setting(
         3.0, "... or so many times the distance between neighbouring beams there, if that is more", gt=0
@@ -28,9 +29,12 @@ class ScanMatchingConfig(Section):
     robust_gate: float = setting(3.0, "... or beyond the greatest distance over this, whichever is more", gt=0)
     facing: float = setting(0.7, "least cosine between the normals of two walls that may be one", ge=-1, lt=1)
     fewest_points: int = setting(5, "scans, and pairs of end points, fewer than this are not matched", ge=3)
-    open_share: float = setting(
-        0.03, "a direction with less than this share of the scans' information is left to the odometry", ge=0, lt=0.5
-    )
+    open_noise: float = setting(
+        8.0, "a direction is left to the odometry if the scans have less of their information on it than so many times "
+        "the variance of their walls' normals ...", ge=0
+    )  # fmt: skip
+    open_least: float = setting(0.001, "... but at least this share", ge=0, lt=0.5)
+    open_share: float = setting(0.03, "... and at most this", ge=0, lt=0.5)
     settled_distance: float = setting(5e-4, "iterations stop when the pose moves by less ...", "m", gt=0)
     settled_angle: float = setting(3e-4, "... and turns by less", "rad", gt=0)
 

@@ -27,6 +27,25 @@ def within(points: Floats, center: Floats, distance: float) -> Floats:
 
 
 @njit(cache=True, nogil=True)
+def thinned(points: Floats, most: int, sparse: float) -> Floats:
+    """Every so many of the end points (m, 2) that ``most`` are left, and all that lie ``sparse`` m from the last one.
+
+    The far end of a corridor has few end points, and they alone tell how far along it the robot is.
+    """
+    stride = 1 + max(len(points) - 1, 0) // most
+    out = np.empty_like(points)
+    k, last = 0, -stride
+    for b in range(len(points)):
+        if b - last < stride:
+            dx, dy = points[b, 0] - points[last, 0], points[b, 1] - points[last, 1]
+            if dx * dx + dy * dy < sparse * sparse:
+                continue
+        out[k] = points[b]
+        k, last = k + 1, b
+    return out[:k]
+
+
+@njit(cache=True, nogil=True)
 def beam_increment(points: Floats, lidar_position: Floats) -> float:
     """The median angle between successive end points (m, 2) as seen from the lidar, rad; 0 for fewer than two."""
     if len(points) < 2:
@@ -42,16 +61,20 @@ def beam_increment(points: Floats, lidar_position: Floats) -> float:
 @njit(cache=True, nogil=True)
 def wall_normals(
     points: Floats, lidar_position: Floats, reach: float, spacings: float, neighbours: int, flatness: float
-) -> Floats:
-    """Unit normals (m, 2), towards the lidar, of the wall through each end point and its neighbours.
+) -> tuple[Floats, float]:
+    """Unit normals (m, 2), towards the lidar, of the wall through each end point and its neighbours, and their noise.
 
     Those within ``reach`` m count, or within ``spacings`` times the distance between beams there if that is more, since
     far walls have their end points far apart. At most so many ``neighbours`` to either side count. Zero where fewer
     than two lie there, or where they do not form a line: where the smaller eigenvalue of their covariance is more than
     ``flatness`` of the larger.
+
+    The noise is the normals' mean variance, rad²: that of a straight line's direction fitted to n points is their
+    smaller eigenvalue over the larger and over n - 2. Uneven walls count as noisy ones.
     """
     m = len(points)
     out = np.zeros((m, 2))
+    noise, walls = 0.0, 0
     increment = beam_increment(points, lidar_position)
     for b in range(m):
         away = math.hypot(points[b, 0] - lidar_position[0], points[b, 1] - lidar_position[1])
@@ -82,12 +105,14 @@ def wall_normals(
         small, large = half - root, half + root
         if large < 1e-6 or small > flatness * large:
             continue
+        noise += max(small, 0.0) / (large * (n - 2))
+        walls += 1
         angle = 0.5 * math.atan2(2.0 * d, a - c)  # along the wall
         nx, ny = -math.sin(angle), math.cos(angle)
         if nx * (lidar_position[0] - points[b, 0]) + ny * (lidar_position[1] - points[b, 1]) < 0.0:
             nx, ny = -nx, -ny
         out[b, 0], out[b, 1] = nx, ny
-    return out
+    return out, noise / max(walls, 1)
 
 
 @njit(cache=True, nogil=True)
@@ -99,14 +124,14 @@ def describe(
     neighbours: int,
     flatness: float,
     rows: Singles,
-) -> None:
+) -> float:
     """Fill a scan's ``rows`` (m, 5): its end points, their :func:`wall_normals`, and their bearings from the lidar.
 
     Bearings are those of successive beams, in [-pi, pi] at first and continued beyond pi; beams may lie more than pi
-    apart.
+    apart. Returns the normals' noise, rad².
     """
     rows[:, :2] = points
-    rows[:, 2:4] = wall_normals(points, lidar_position, reach, spacings, neighbours, flatness)
+    rows[:, 2:4], noise = wall_normals(points, lidar_position, reach, spacings, neighbours, flatness)
     turns, last = 0.0, 0.0
     for b in range(len(points)):
         bearing = math.atan2(points[b, 1] - lidar_position[1], points[b, 0] - lidar_position[0])
@@ -114,3 +139,4 @@ def describe(
             turns += 2.0 * math.pi
         last = bearing
         rows[b, 4] = bearing + turns
+    return noise
