@@ -14,6 +14,7 @@ NAMES = (
     "logging",
     "accuracy",
     "yardstick",
+    "drives",
     "sweep",
     "report",
     "contact-sheet",

@@ -85,7 +85,8 @@ class Estimate:
         weights: (N,) summing to 1.
         best: (3,) the most likely particle, "mode" in section I.
         mean: (3,) E(x), (33), heading by the circular mean.
-        covariance: (3, 3) of the particles about the mean.
+        covariance: (3, 3) m², m rad, rad² of the mean: that of the particles, and where the back end knows by how much
+            all of them may have drifted from the first pose, that too.
         n_eff: the effective sample size, (30): N when all weigh the same, 1 when one has all the weight.
         resampled: whether particles were resampled after this scan.
         informative: False when every correlation was zero, so that the weights stayed as they were.

@@ -41,6 +41,7 @@ class Reviser:
         self._closures = NOTHING  # recognised places that nothing has confirmed yet
         self._deviation, self._measured = np.zeros(2), 0  # of a match, and how many matches told it
         self.held, self._chosen = False, 0  # whether the filter's headings are held, as chosen at so many key scans
+        self.visits = NOTHING  # matches of the key scans looked at last with earlier visits
         self.moved = 0.0  # m, by the revision that moved a pose farthest
         self.closed: Indices = np.zeros((0, 2), np.int64)  # pairs of key scans whose loops were closed
 
@@ -94,7 +95,7 @@ class Reviser:
         pairs = neighbouring(poses, s, self._seen)
         matched = match(scans, poses, pairs, np.array(s.first_gates), s)
         self._matched = Constraints.join([self._matched, matched])
-        visits = matched.pick(np.flatnonzero(matched.end - matched.start > max(s.hops)))
+        visits = self.visits = matched.pick(np.flatnonzero(matched.end - matched.start > max(s.hops)))
         if len(visits) < c.fewest_visits:
             return None
         missed = residuals(poses, visits)

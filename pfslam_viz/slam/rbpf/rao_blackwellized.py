@@ -1,7 +1,7 @@
 """The filter with a map per particle: Rao-Blackwellized SLAM (Doucet et al. 2000; Grisetti et al. 2007)."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,9 @@ from pfslam_viz.slam.graph.settings import GraphConfig
 from pfslam_viz.slam.graph.smoothing import Smoother
 from pfslam_viz.slam.graph.walls import within
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
-from pfslam_viz.slam.protocol import Kept, LoopClosure, Match, Revision, Scan
+from pfslam_viz.slam.protocol import Estimate, Kept, LoopClosure, Match, Revision, Scan
 from pfslam_viz.slam.rbpf.best_map import BestMap
+from pfslam_viz.slam.rbpf.drift_covariance import DriftCovariance
 from pfslam_viz.slam.rbpf.history import History
 from pfslam_viz.slam.rbpf.proposal import propose, spread_points, window
 from pfslam_viz.slam.rbpf.settings import RbpfConfig
@@ -66,6 +67,7 @@ class RaoBlackwellizedFilter(Belief):
         self._scans = ScanStore(np.zeros(2), config.scan_matching, self._worker)
         self._key_particles = self._particles
         self._reviser = Reviser(config)
+        self._drift = DriftCovariance(config.uncertainty)
         self._smoothed: Array | None = None
         self._verdict: Verdict | None = None
         self._closures: tuple[LoopClosure, ...] = ()
@@ -260,6 +262,8 @@ class RaoBlackwellizedFilter(Belief):
         self._particles = means
         self._log_weights = self._log_weights + evidence
         best = self._leader = int(np.argmax(self._log_weights))
+        before = self._key_particles[best]
+        self._drift.add(before, means[best], motion.increment, motion.odometry, motion.scans)
         by_odometry = geometry.compose(self._key_particles[best], self._odometry)
         if axis is not None:
             axis = geometry.transform(np.array([0.0, 0.0, self._key_particles[best, 2]]), axis[None])[0]
@@ -287,6 +291,11 @@ class RaoBlackwellizedFilter(Belief):
             self._leader = int(np.argmax(self._ancestors == self._leader))
             self._grid.follow(self._leader)
 
+    def estimate(self) -> Estimate:
+        """The belief after the scan; its covariance is in the frame of the first pose, drift included."""
+        own = super().estimate()
+        return replace(own, covariance=own.covariance + self._drift.covariance)
+
     def trajectory(self) -> Array:
         """(n, 3) the most likely particle's whole history, smoothed once all scans are in."""
         return self._history.trajectory(self._key_poses())
@@ -300,6 +309,7 @@ class RaoBlackwellizedFilter(Belief):
             return None
         before = self._history.key_poses(self._leader)
         revised = self._reviser.revise(self._smoother(self._reviser.config), before)
+        self._drift.come_back(before, self._reviser.visits)
         if revised is None:
             return None
         particles, weights = self._weighed

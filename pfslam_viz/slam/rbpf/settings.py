@@ -76,8 +76,32 @@ class RaoBlackwellizedConfig(Section):
     least_angle: float = setting(0.002, "odometry: error at least", "rad", gt=0)
 
 
+class UncertaintyConfig(Section):
+    """How far the pose may have drifted from the start, besides the spread of the particles."""
+
+    scan_weight: float = setting(
+        1000.0,
+        "times the information of one scan match that a motion is known by, with the map and all its scans",
+        gt=0,
+    )
+    scale: float = setting(0.05, "standard deviation of the odometry's scale at the start", gt=0)
+    slip: float = setting(0.05, "... and later, by slip", gt=0)
+    slip_length: float = setting(1.0, "driven until the wheels slip otherwise", "m", gt=0)
+    agree: float = setting(
+        0.1, "a pose no farther off than this from where it matches an earlier visit is as sure as that", "m", gt=0
+    )
+    known_share: float = setting(
+        0.2, "a direction of which such a match knows less than this share of the other is not known by it", ge=0, le=1
+    )
+    visit_distance: float = setting(0.005, "standard deviation of such a match at least ...", "m", gt=0)
+    visit_angle: float = setting(0.002, "... and", "rad", gt=0)
+    least_distance: float = setting(0.003, "standard deviation of the first pose", "m", gt=0)
+    least_angle: float = setting(0.001, "standard deviation of the first pose", "rad", gt=0)
+
+
 class RbpfConfig(GraphConfig):
     """The filter with a map per particle, and what settles its trajectory in hindsight."""
 
     backend: Literal["rao_blackwellized"] = setting("rao_blackwellized", "N trajectories, each with a map of its own")
     rao_blackwellized: RaoBlackwellizedConfig = RaoBlackwellizedConfig()
+    uncertainty: UncertaintyConfig = UncertaintyConfig()

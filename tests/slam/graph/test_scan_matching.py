@@ -93,7 +93,8 @@ def test_partners_equal_a_search_among_all_points(gate: float, stride: int) -> N
     for other in range(1, 12):
         guess = geometry.between(poses[0], poses[other]) + rng.normal(0, [0.05, 0.05, 0.03])
         _, information, overlap, distance = match_pairs(
-            store.points, store.normals, store.bearings, store.first, SENSOR, np.array([0]), np.array([other]),
+            store.points, store.normals, store.bearings, store.first, SENSOR, np.zeros(12), np.array([0]),
+            np.array([other]),
             guess[None], np.array([gate]), 0, stride, LOOSE, MatchingRules.of(CONFIG),
         )  # fmt: skip
         h, share, mean = plain_match(store, 0, other, guess, gate, stride)
@@ -210,6 +211,21 @@ def test_a_corridor_with_an_end_is_not_open() -> None:
     assert np.linalg.eigvalsh(information[:2, :2])[0] > 1e3
     assert open_direction(information) is None
     assert open_direction(np.zeros((3, 3))) is None  # nothing matched: that is another matter
+
+
+@pytest.mark.parametrize(("roughness", "is_open"), [(0.005, False), (0.05, True)])
+def test_a_far_end_counts_unless_the_walls_are_rough(roughness: float, is_open: bool) -> None:
+    """A wall across the corridor, 19 m ahead, tells a fiftieth of what the others do; rough ones seem to, anyway."""
+    rng = np.random.default_rng(9)
+    walls = np.vstack([CORRIDOR, [(19.0, -1.1, 19.0, 1.1)]])
+    start, end = np.array([0.0, 0.1, 0.0]), np.array([0.3, 0.05, 0.02])
+    store = store_of(see(walls, start, noise=roughness, rng=rng), see(walls, end, noise=roughness, rng=rng))
+    pose, information, _, _ = matched(store, geometry.between(start, end + np.array([0.12, 0.0, 0.0])))
+    assert (open_direction(information) is not None) == is_open
+    assert pose[0] == pytest.approx(0.42 if is_open else 0.3, abs=0.03)
+    marginal = np.linalg.inv(np.linalg.inv(information + 1e-3 * np.eye(3))[:2, :2])
+    low, high = np.linalg.eigvalsh(marginal)
+    assert low < CONFIG.open_share * high
 
 
 def test_a_tight_prior_holds_the_guess_and_a_loose_one_does_not() -> None:

@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pfslam_viz.slam.graph.walls import beam_increment, describe, wall_normals, within
+from pfslam_viz.slam.graph.walls import beam_increment, describe, thinned, wall_normals, within
 
 Array = NDArray[np.float64]
+
+
+def normals_of(points: Array, sensor: Array, reach: float, spacings: float, neighbours: int, flatness: float) -> Array:
+    return np.asarray(wall_normals(points, sensor, reach, spacings, neighbours, flatness)[0])
 
 
 @pytest.mark.parametrize("direction", [0.0, 0.4, math.pi / 2, 2.5])
@@ -20,14 +24,14 @@ def test_the_normal_of_a_straight_wall_points_to_the_lidar(direction: float, sid
     sensor = np.array([3.0, -2.0])
     points = sensor - side * 1.0 * normal + np.linspace(-1, 1, 60)[:, None] * along
     np.testing.assert_allclose(
-        wall_normals(points, sensor, 0.3, 0.0, 20, 0.1), np.tile(side * normal, (60, 1)), atol=1e-6
+        normals_of(points, sensor, 0.3, 0.0, 20, 0.1), np.tile(side * normal, (60, 1)), atol=1e-6
     )
 
 
 def test_a_rough_wall_has_about_its_normal() -> None:
     """Noise of 1 cm on 13 points over 0.6 m turns a line by 1 cm / (√13 · 0.19 m), 0.015 rad, about."""
     points = np.column_stack([np.linspace(-2, 2, 81), 1.0 + 0.01 * np.random.default_rng(0).standard_normal(81)])
-    normals = wall_normals(points, np.zeros(2), 0.3, 0.0, 20, 0.1)[6:-6]
+    normals = normals_of(points, np.zeros(2), 0.3, 0.0, 20, 0.1)[6:-6]
     angle = np.arctan2(normals[:, 0], -normals[:, 1])
     assert 0.007 < np.sqrt(np.mean(angle**2)) < 0.03
     assert np.allclose(np.hypot(*normals.T), 1.0)
@@ -38,7 +42,7 @@ def test_corners_and_stray_points_have_no_normal() -> None:
     ahead = np.column_stack([np.full(21, 2.0), np.linspace(-1, 1, 21)])
     aside = np.column_stack([np.linspace(1.95, 0, 40), np.full(40, 1.0)])
     stray = np.array([[-1.0, 1.0], [-1.0, 0.5]])
-    normals = wall_normals(np.vstack([ahead, aside, stray]), np.zeros(2), 0.3, 0.0, 20, 0.1)
+    normals = normals_of(np.vstack([ahead, aside, stray]), np.zeros(2), 0.3, 0.0, 20, 0.1)
     np.testing.assert_array_equal(normals[20:22], 0)
     np.testing.assert_allclose(normals[:15], np.tile([-1.0, 0.0], (15, 1)), atol=1e-6)
     np.testing.assert_allclose(normals[28:61], np.tile([0.0, -1.0], (33, 1)), atol=1e-6)
@@ -48,11 +52,11 @@ def test_corners_and_stray_points_have_no_normal() -> None:
 def test_a_normal_needs_two_neighbours_within_reach() -> None:
     wall = np.array([[1.0, 0.0], [1.0, 0.25], [1.0, 0.5]])
     sensor = np.zeros(2)
-    np.testing.assert_allclose(wall_normals(wall, sensor, 0.3, 0.0, 20, 0.1)[1], [-1.0, 0.0], atol=1e-6)
-    np.testing.assert_array_equal(wall_normals(wall, sensor, 0.3, 0.0, 20, 0.1)[[0, 2]], 0)  # one neighbour each
-    np.testing.assert_array_equal(wall_normals(wall, sensor, 0.2, 0.0, 20, 0.1), 0)
+    np.testing.assert_allclose(normals_of(wall, sensor, 0.3, 0.0, 20, 0.1)[1], [-1.0, 0.0], atol=1e-6)
+    np.testing.assert_array_equal(normals_of(wall, sensor, 0.3, 0.0, 20, 0.1)[[0, 2]], 0)  # one neighbour each
+    np.testing.assert_array_equal(normals_of(wall, sensor, 0.2, 0.0, 20, 0.1), 0)
     np.testing.assert_array_equal(
-        wall_normals(np.tile([[1.0, 0.5]], (5, 1)), sensor, 0.2, 0.0, 20, 0.1), 0
+        normals_of(np.tile([[1.0, 0.5]], (5, 1)), sensor, 0.2, 0.0, 20, 0.1), 0
     )  # a heap, no line
 
 
@@ -86,7 +90,7 @@ def test_normals_equal_their_plain_twin(spacings: float, neighbours: int) -> Non
     sensor = np.array([0.4, -0.3])
     points = sensor + np.stack([ranges * np.cos(bearings), ranges * np.sin(bearings)], axis=-1)
     expected = plain_normals(points, sensor, 0.3, spacings, neighbours, 0.1)
-    np.testing.assert_allclose(wall_normals(points, sensor, 0.3, spacings, neighbours, 0.1), expected, atol=1e-6)
+    np.testing.assert_allclose(normals_of(points, sensor, 0.3, spacings, neighbours, 0.1), expected, atol=1e-6)
     assert 0.1 < expected.any(axis=1).mean() < 0.95  # some have one, some have none
 
 
@@ -101,10 +105,10 @@ def test_far_walls_have_normals_though_their_end_points_lie_far_apart() -> None:
     behind = np.column_stack([np.full(31, -1.0), -np.tan(bearings)])
     points, sensor = np.vstack([ahead, behind]), np.zeros(2)
     assert np.hypot(*np.diff(ahead, axis=0).T).min() > 0.34
-    without = wall_normals(points, sensor, 0.3, 0.0, 20, 0.1)
+    without = normals_of(points, sensor, 0.3, 0.0, 20, 0.1)
     np.testing.assert_array_equal(without[:31], 0)
     np.testing.assert_allclose(without[31:], np.tile([1.0, 0.0], (31, 1)), atol=1e-6)
-    found = wall_normals(points, sensor, 0.3, 3.0, 20, 0.1)
+    found = normals_of(points, sensor, 0.3, 3.0, 20, 0.1)
     np.testing.assert_allclose(found[1:30], np.tile([-1.0, 0.0], (29, 1)), atol=1e-6)
     np.testing.assert_array_equal(found[31:], without[31:])
 
@@ -116,9 +120,9 @@ def test_spacings_reach_as_far_as_they_say() -> None:
     """
     y = 10.0 * np.tan(np.radians(np.arange(-4.0, 5.0, 2.0)))
     points = np.column_stack([10.0 + np.array([0.15, 0.0, 0.0, 0.0, 0.3]), y])
-    assert not wall_normals(points, np.zeros(2), 0.01, 0.9, 20, 0.1)[2].any()
-    np.testing.assert_allclose(wall_normals(points, np.zeros(2), 0.01, 1.1, 20, 0.1)[2], [-1.0, 0.0], atol=1e-9)
-    turned = wall_normals(points, np.zeros(2), 0.01, 2.5, 20, 0.1)[2]
+    assert not normals_of(points, np.zeros(2), 0.01, 0.9, 20, 0.1)[2].any()
+    np.testing.assert_allclose(normals_of(points, np.zeros(2), 0.01, 1.1, 20, 0.1)[2], [-1.0, 0.0], atol=1e-9)
+    turned = normals_of(points, np.zeros(2), 0.01, 2.5, 20, 0.1)[2]
     slope = np.polyfit(y, points[:, 0], 1)[0]  # of x over y: 0.0858, with all five
     assert slope == pytest.approx((0.3 - 0.15) * y[4] / (2 * (y[3] ** 2 + y[4] ** 2)), rel=1e-9)
     assert math.atan2(turned[1], -turned[0]) == pytest.approx(math.atan(slope), abs=0.01)
@@ -148,7 +152,7 @@ def test_a_scan_is_described_with_its_normals_and_the_bearings_of_its_beams() ->
     rows = np.zeros((50, 5), np.float32)
     describe(points, sensor, 0.3, 0.0, 20, 0.1, rows)
     np.testing.assert_allclose(rows[:, :2], points, atol=1e-6)
-    np.testing.assert_allclose(rows[:, 2:4], wall_normals(points, sensor, 0.3, 0.0, 20, 0.1), atol=1e-6)
+    np.testing.assert_allclose(rows[:, 2:4], normals_of(points, sensor, 0.3, 0.0, 20, 0.1), atol=1e-6)
     np.testing.assert_allclose(rows[:, 4], bearings, atol=1e-5)
 
 
@@ -157,3 +161,35 @@ def test_points_within_a_distance() -> None:
     points = np.array([[2.0, 1.0], [1.0, 3.0], [1.0, 4.0], [-1.0, 1.0]])
     np.testing.assert_array_equal(within(points, np.ones(2), 2.0), points[[0, 1, 3]])
     assert within(points, np.ones(2), 0.5).shape == within(np.zeros((0, 2)), np.ones(2), 5.0).shape == (0, 2)
+
+
+def test_the_noise_is_the_variance_of_the_normals() -> None:
+    """A straight wall 2 m ahead, end points 2 cm apart with noise of 5 mm: normals scatter about straight ahead.
+
+    The mean over many scans of the squared angle that a normal is off by, measured, is what one scan says of itself.
+    """
+    rng = np.random.default_rng(8)
+    y = np.arange(-1.0, 1.001, 0.02)
+    told, off = [], []
+    for _ in range(60):
+        points = np.column_stack([2.0 + 0.005 * rng.standard_normal(len(y)), y])
+        normals, noise = wall_normals(points, np.zeros(2), 0.3, 0.0, 20, 0.1)
+        told.append(noise)
+        off.append(np.mean(np.arctan2(normals[:, 1], -normals[:, 0]) ** 2))
+    assert np.mean(told) == pytest.approx(np.mean(off), rel=0.15)
+    line = np.column_stack([np.full(len(y), 2.0), y])
+    assert wall_normals(line, np.zeros(2), 0.3, 0.0, 20, 0.1)[1] < 1e-12
+    rows = np.zeros((len(y), 5), np.float32)
+    assert describe(points, np.zeros(2), 0.3, 0.0, 20, 0.1, rows) == noise
+    assert wall_normals(np.zeros((0, 2)), np.zeros(2), 0.3, 0.0, 20, 0.1)[1] == 0.0
+
+
+def test_end_points_are_thinned_where_they_lie_close_together() -> None:
+    """20 end points 2 cm apart, then five 10 cm apart: every third of the former, all of the latter."""
+    x = np.concatenate([0.02 * np.arange(20), 0.38 + 0.1 * np.arange(1, 6)])
+    points = np.column_stack([x, np.ones(25)])
+    kept = thinned(points, 9, 0.08)  # every third: 25 / 9
+    np.testing.assert_array_equal(kept, points[[0, 3, 6, 9, 12, 15, 18, *range(20, 25)]])
+    np.testing.assert_array_equal(thinned(points, 9, 1.0), points[::3])
+    np.testing.assert_array_equal(thinned(points, 25, 1.0), points)
+    assert thinned(points[:0], 9, 0.08).shape == (0, 2)
