@@ -493,6 +493,14 @@ def figures(
     )
 
 
+@app.command("compile", rich_help_panel=RUN, epilog=examples("compile"))
+def compile_kernels(quiet: QuietOpt = False) -> None:
+    """Compile everything that a first run would, for images of containers and for clusters."""
+    from pfslam_viz.commands import compile as command
+
+    command.run(quiet)
+
+
 @app.command(rich_help_panel=JUDGE, epilog=examples("config", "config paper --set particles=100 > mine.toml"))
 def config(
     name: Annotated[

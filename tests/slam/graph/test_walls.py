@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pfslam_viz.slam.graph.walls import beam_increment, describe, wall_normals, within
+from pfslam_viz.slam.graph import walls
+from pfslam_viz.slam.graph.walls import describe, within
+from tests.kernels import from_python
 
 Array = NDArray[np.float64]
+
+beam_increment, wall_normals = from_python(walls.beam_increment), from_python(walls.wall_normals)
 
 
 @pytest.mark.parametrize("direction", [0.0, 0.4, math.pi / 2, 2.5])
