@@ -13,7 +13,6 @@ from pfslam_viz.config import Config, load_config
 from pfslam_viz.recordings.checking.check import check
 from pfslam_viz.recordings.recording import Lidar, Recording, Trajectory
 from pfslam_viz.replay import Replay
-from pfslam_viz.slam import kernels, map_kernels
 
 Array = NDArray[np.float64]
 Map = NDArray[np.float32]

@@ -21,10 +21,13 @@ def kernels(
     For a ``recording``, also those that paint its floor, if it has images; for a ``viewer``, those that draw for it.
     What is needed some way into a run is compiled beside what is done in the context.
     """
+    from pfslam_viz.compiling import cache
     from pfslam_viz.compiling.compile import compiling
     from pfslam_viz.compiling.needed import needed
 
     texture = recording is not None and recording.frames is not None
+    if not cache.use_cache() and not quiet:
+        console.tell(cache.where())
     with ExitStack() as stack:
         with console.steps("compiling", quiet) as show:
             wanted = needed(configs, viewer=viewer, texture=texture)

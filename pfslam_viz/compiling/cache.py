@@ -4,7 +4,9 @@ import os
 import stat
 import tempfile
 from functools import cache
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 PACKAGE = Path(__file__).resolve().parents[1]
 PRIVATE = 0o700
@@ -22,8 +24,7 @@ def folder() -> Path | None:
     That is what ``$NUMBA_CACHE_DIR`` says, or else the first that can be written of the package, the user's cache and
     a folder of the user's own among the temporary ones.
     """
-    from numba.core import config
-
+    config: Any = import_module("numba.core.config")
     if config.CACHE_DIR:
         return _made(Path(config.CACHE_DIR))
     if _made(PACKAGE / "compiling" / "__pycache__") is not None:

@@ -7,7 +7,7 @@ from typing import Any
 from numba.core import event
 
 
-class CompileClock(event.Listener):  # type: ignore[misc]
+class CompileClock(event.Listener):
     """Sums up the seconds in which kernels are compiled, or waited for. What runs within another counts once."""
 
     def __init__(self) -> None:
@@ -45,7 +45,7 @@ class CompileClock(event.Listener):  # type: ignore[misc]
 
 
 CLOCK = CompileClock()
-event.register("numba:compile", CLOCK)
+event.register("numba:compile", CLOCK)  # type: ignore[no-untyped-call]
 
 
 def clock() -> float:

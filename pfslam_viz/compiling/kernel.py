@@ -13,11 +13,13 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Any, TypeVar, cast
 
-from numba import njit, types
+import numba
+from numba import njit
 
 from pfslam_viz.compiling.cache import use_cache
 
 PACKAGE = "pfslam_viz"
+types: Any = numba.types
 F = TypeVar("F", bound=Callable[..., Any])
 
 SIGNATURES: dict[str, list[tuple[Any, str]]] = {}

@@ -33,7 +33,7 @@ class Needed:
 
 def needed(configs: Sequence[Config], *, viewer: bool = False, texture: bool = False) -> Needed:
     """What runs under these configurations call, with a ``viewer`` to draw for and with images of the floor."""
-    first, later = [*LOOP], []
+    first, later = list[tuple[str, str]](LOOP), list[tuple[str, str]]()
     for config in configs:
         first += BACKENDS[config.backend].kernels
         later += BACKENDS[config.backend].later_kernels

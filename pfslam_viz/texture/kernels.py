@@ -67,7 +67,7 @@ def collect(  # type: ignore[no-untyped-def]
     row, column = np.empty(columns, np.int32), np.empty(columns, np.int32)
     index, color_column = np.empty(columns, np.int32), np.empty(columns, np.int32)
     # Neighbours often fall into one cell: sums wait in registers until the next cell comes.
-    nothing = np.int64(0)
+    nothing: int = np.int64(0)  # type: ignore[assignment]  # of the sums' type from the first
     here, red, green, blue, count = none, nothing, nothing, nothing, nothing
     for v in range(len(disparity)):
         if color_rows[v] < 0 or color_rows[v] >= len(color):

@@ -1,23 +1,27 @@
 """How kernels are declared: their types, and that every one is compiled beforehand."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import numba
 import numpy as np
-from numba import types
+from numpy.typing import NDArray
 
 from pfslam_viz.compiling.kernel import SIGNATURES, find, kernel, types_of
 from pfslam_viz.compiling.needed import every
 from tests.kernels import from_python
 
+types: Any = numba.types
+
 
 class Rules(NamedTuple):
-    count: int
+    column: int
     share: float
 
 
 @kernel("f8[:, ::1], i8, Rules")
-def weighed(values: "np.ndarray[tuple[int, int], np.dtype[np.float64]]", row: int, rules: Rules) -> float:
-    return rules.share * values[row, rules.count]
+def weighed(values: NDArray[np.float64], row: int, rules: Rules) -> float:
+    found: float = rules.share * values[row, rules.column]
+    return found
 
 
 @kernel()

@@ -38,10 +38,10 @@ def beam_increment(points: Floats, lidar_position: Floats) -> float:
         bx, by = points[b + 1, 0] - lidar_position[0], points[b + 1, 1] - lidar_position[1]
         turns[b] = abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by))
     middle = len(turns) // 2
-    upper = _select(turns, middle)
+    upper: float = _select(turns, middle)
     if len(turns) % 2 == 1:
         return upper
-    lower = turns[0]
+    lower: float = turns[0]
     for b in range(1, middle):
         lower = max(lower, turns[b])
     return (lower + upper) / 2.0
@@ -69,7 +69,8 @@ def _select(values: Floats, k: int) -> float:
             low = i
         else:
             break
-    return values[k]
+    found: float = values[k]
+    return found
 
 
 @kernel()
