@@ -122,11 +122,12 @@ def _replay(recording: Any, config: Any, log: bool) -> tuple[float, dict[str, An
     """Seconds of the whole loop with closing the file, seconds per phase and scan, bytes of the file."""
     import numpy as np
 
+    from pfslam_viz.compiling.compile import compile_all
+    from pfslam_viz.compiling.needed import needed
     from pfslam_viz.replay import Replay
-    from pfslam_viz.slam.warm_up import warm_up
 
-    warm_up()
-    for _ in Replay(recording.select(0, 5), config):  # whatever else is compiled or loaded at the first scan
+    compile_all(needed([config], viewer=log, texture=recording.frames is not None))
+    for _ in Replay(recording.select(0, 5), config):  # whatever else is loaded at the first scan
         pass
     replay = Replay(recording, config)
     if not log:

@@ -45,13 +45,14 @@ def main(arguments: list[str]) -> None:
 
 def run(case: Case, way: str) -> None:
     """What ``pfslam-viz replay --save`` does, but for where it draws."""
+    from pfslam_viz.compiling.compile import compile_all
+    from pfslam_viz.compiling.needed import needed
     from pfslam_viz.replay import Replay
-    from pfslam_viz.slam.warm_up import warm_up
     from pfslam_viz.viewer.sinks import open_sinks
     from pfslam_viz.viewer.stream import replay_stream
 
     recording, config = load(case)
-    warm_up()
+    compile_all(needed([config], viewer=True, texture=recording.frames is not None))
     with (
         tempfile.TemporaryDirectory() as folder,
         open_sinks(save=Path(folder) / "x.rrd") as sink,

@@ -8,10 +8,11 @@ import pytest
 from numpy.typing import NDArray
 
 from benchmarks.literal_filter import LiteralMap, world
+from pfslam_viz.compiling.compile import compile_all
+from pfslam_viz.compiling.needed import needed
 from pfslam_viz.config import Config, load_config
 from pfslam_viz.slam import kernels, resampling
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
-from pfslam_viz.slam.warm_up import warm_up
 
 pytest.importorskip("pytest_benchmark")
 
@@ -21,8 +22,9 @@ Array = NDArray[np.float64]
 
 @pytest.fixture(scope="module")
 def config() -> Config:
-    warm_up()
-    return load_config("paper")
+    paper = load_config("paper")
+    compile_all(needed([paper]))
+    return paper
 
 
 @pytest.fixture(scope="module")

@@ -81,7 +81,9 @@ def options(
     version: Annotated[
         bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version.")
     ] = False,
-    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    debug: Annotated[
+        bool, typer.Option("--debug", help="Show the traceback of an error, and where compiled kernels are kept.")
+    ] = False,
 ) -> None:
     """Interactive replay of particle-filter SLAM in the Rerun viewer."""
 
@@ -493,6 +495,14 @@ def figures(
     )
 
 
+@app.command("compile", rich_help_panel=RUN, epilog=examples("compile"))
+def compile_kernels(quiet: QuietOpt = False) -> None:
+    """Compile everything that a first run would, for images of containers and for clusters."""
+    from pfslam_viz.commands import compile as command
+
+    command.run(quiet)
+
+
 @app.command(rich_help_panel=JUDGE, epilog=examples("config", "config paper --set particles=100 > mine.toml"))
 def config(
     name: Annotated[
@@ -525,6 +535,8 @@ def call(arguments: Sequence[str]) -> int:
         status = status if isinstance(status, int) else 0
         if status == 130:
             message = "interrupted"
+    if debug and "pfslam_viz.compiling.cache" in sys.modules:
+        print(f"{PROGRAM}: {sys.modules['pfslam_viz.compiling.cache'].where()}", file=sys.stderr)
     if message:
         print(f"{PROGRAM}: {' '.join(message.split())}", file=sys.stderr)
     return status

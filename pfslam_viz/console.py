@@ -10,7 +10,17 @@ from functools import cache
 from types import TracebackType
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    SpinnerColumn,
+    Task,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Column
 from rich.text import Text
 
@@ -55,6 +65,24 @@ def progress(label: str, total: int, quiet: bool = False) -> Iterator[Callable[[
     with Progress(*columns, console=messages(), refresh_per_second=5, disable=quiet) as shown:
         task = shown.add_task(label, total=total)
         yield lambda: shown.advance(task)
+
+
+@contextmanager
+def steps(label: str, quiet: bool = False) -> Iterator[Callable[[int, int], None]]:
+    """A progress bar on stderr that appears once it is told how many steps of how many are done, if ever."""
+    columns = SpinnerColumn(), TextColumn("{task.description}"), BarColumn(bar_width=24), MofNCompleteColumn()
+    shown = Progress(*columns, TimeElapsedColumn(), console=messages(), refresh_per_second=5, disable=quiet)
+    task = shown.add_task(label, total=None)
+
+    def show(done: int, total: int) -> None:
+        shown.start()
+        shown.update(task, completed=done, total=total)
+
+    try:
+        yield show
+    finally:
+        if shown.live.is_started:
+            shown.stop()
 
 
 class _Speed(ProgressColumn):

@@ -2,13 +2,13 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from time import perf_counter
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
+from pfslam_viz.compiling.clock import CLOCK, clock
 from pfslam_viz.config import Config
 from pfslam_viz.errors import PfslamError
 from pfslam_viz.recordings.checking.check import check, refuse_wrong
@@ -52,6 +52,7 @@ class Result:
         uninformative: how many scans had no correlation with the map.
         interrupted: whether the run was stopped before the last scan.
         finish_seconds: what settling the whole run took, after the last scan.
+        compile_seconds: what this process spent on compiling kernels so far, which no other time has.
         closures: the loops that settling it closed.
         kept: whether the estimate is the settled trajectory or the one of the run, if there was a choice.
         texture: the floor texture, if it was painted.
@@ -73,6 +74,7 @@ class Result:
     uninformative: int
     interrupted: bool
     finish_seconds: float = 0.0
+    compile_seconds: float = 0.0
     closures: tuple[LoopClosure, ...] = ()
     kept: Kept | None = None
     texture: "FloorTexture | None" = None
@@ -145,9 +147,9 @@ class Replay:
 
     def _finish(self) -> None:
         """All scans are in: settle the trajectory, then the floor."""
-        started = perf_counter()
+        started = clock()
         self.slam.finish()
-        self._finish_seconds = perf_counter() - started
+        self._finish_seconds = clock() - started
         if self.painter:
             self.painter.finish()
             self._texture = self._settled_texture(self.painter)
@@ -235,6 +237,7 @@ class Replay:
             uninformative=self._uninformative,
             interrupted=n < len(self.recording),
             finish_seconds=self._finish_seconds,
+            compile_seconds=CLOCK.seconds,
             closures=self.slam.closures,
             kept=self.slam.kept,
             texture=self._texture,
@@ -269,12 +272,12 @@ def _truth_from_start(recording: Recording) -> Array | None:
 
 
 class _Clock:
-    """Writes what each phase of one scan took."""
+    """Writes what each phase of one scan took, but for the compiling of kernels."""
 
     def __init__(self, seconds: dict[str, Array], scan: int) -> None:
-        self._seconds, self._scan, self._last = seconds, scan, perf_counter()
+        self._seconds, self._scan, self._last = seconds, scan, clock()
 
     def lap(self, phase: str) -> None:
-        now = perf_counter()
+        now = clock()
         self._seconds[phase][self._scan] = now - self._last
         self._last = now

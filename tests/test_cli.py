@@ -126,7 +126,8 @@ def test_the_demo_is_looked_up_without_its_simulator(drive: Path, tmp_path: Path
 
 def test_kernels_load_without_scipys_linear_algebra_which_can_be_imported_later() -> None:
     loaded = python(
-        "import sys\nfrom pfslam_viz.slam.loading import load_kernels\nload_kernels()\n"
+        "import sys\nfrom pfslam_viz.compiling.compile import compile_all\n"
+        "from pfslam_viz.compiling.needed import Needed\ncompile_all(Needed(('slam.kernels.compose',)))\n"
         "print('scipy.linalg' in sys.modules)\nimport scipy.linalg.cython_blas as blas\nprint(blas.__name__)"
     )
     assert loaded.split() == ["False", "scipy.linalg.cython_blas"]

@@ -13,8 +13,6 @@ from pfslam_viz.config import Config, load_config
 from pfslam_viz.recordings.checking.check import check
 from pfslam_viz.recordings.recording import Lidar, Recording, Trajectory
 from pfslam_viz.replay import Replay
-from pfslam_viz.slam import kernels, map_kernels
-from pfslam_viz.slam.warm_up import warm_up
 
 Array = NDArray[np.float64]
 Map = NDArray[np.float32]
@@ -197,16 +195,6 @@ def test_no_thread_outlives_the_loop(room: Recording, paper: Config) -> None:
     assert threading.active_count() == before + 1
     del steps
     assert threading.active_count() == before
-
-
-def test_the_loop_compiles_nothing_after_the_warm_up(room: Recording, paper: Config) -> None:
-    warm_up()
-    public = {
-        name: k for module in (kernels, map_kernels) for name, k in vars(module).items() if hasattr(k, "signatures")
-    }
-    before = {name: list(kernel.signatures) for name, kernel in public.items()}
-    run(room.select(0, 10), paper)
-    assert {name: list(kernel.signatures) for name, kernel in public.items()} == before
 
 
 @pytest.mark.slow

@@ -5,9 +5,10 @@ from time import perf_counter
 from pfslam_viz import console
 from pfslam_viz.commands.choices import ConfigChoice, DetailChoice, RecordingChoice, SinkChoice
 from pfslam_viz.commands.interrupt import stop_on_interrupt
-from pfslam_viz.commands.progress import load_kernels, replay_progress
+from pfslam_viz.commands.progress import kernels, replay_progress
 from pfslam_viz.commands.replay import kept_or_raise, read, tell_doubts
 from pfslam_viz.commands.summary import comparison
+from pfslam_viz.compiling.clock import CLOCK
 from pfslam_viz.errors import InputError
 from pfslam_viz.viewer.compare import compare
 
@@ -29,13 +30,12 @@ def run(
     sinks.check_screen()
     started = perf_counter()
     recording = read(chosen, quiet)
-    load_kernels(quiet)
-    with sinks.open() as sink:
+    with kernels(configs, recording, viewer=True, quiet=quiet), sinks.open() as sink:
         with replay_progress(recording, quiet, "compare", len(configs)) as bar, stop_on_interrupt() as stopped:
             results = compare(
                 recording, configs, sink, detail.options(), on_step=lambda *_: bar.advance(), stopped=stopped
             )
-        seconds = perf_counter() - started
+        seconds = perf_counter() - started - CLOCK.seconds
     if not quiet:
         console.results(to_stderr=sinks.stdout).print(comparison(results, seconds, sinks.save))
     tell_doubts(recording)

@@ -1,20 +1,38 @@
-"""What every command that runs the filter shows meanwhile: that kernels are loaded or compiled, and a progress bar."""
+"""What every command that runs the filter shows meanwhile: how far kernels are compiled, and how far the run is."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from functools import cache
 
 from pfslam_viz import console
+from pfslam_viz.config import Config
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.slam import loading
 
 COMPILING = "compiling kernels (first run on this machine)"
 
 
-def load_kernels(quiet: bool = False) -> None:
-    """Compile the filter's kernels or load them from the cache, and say so."""
-    with console.status("loading kernels", quiet):
-        loading.load_kernels(_on_compile(quiet))
+@contextmanager
+def kernels(
+    configs: Sequence[Config], recording: Recording | None = None, *, viewer: bool = False, quiet: bool = False
+) -> Iterator[None]:
+    """Load the kernels that runs under these configurations call, or compile them, with progress.
+
+    For a ``recording``, also those that paint its floor, if it has images; for a ``viewer``, those that draw for it.
+    What is needed some way into a run is compiled beside what is done in the context.
+    """
+    from pfslam_viz.compiling import cache
+    from pfslam_viz.compiling.compile import compiling
+    from pfslam_viz.compiling.needed import needed
+
+    texture = recording is not None and recording.frames is not None
+    if not cache.use_cache() and not quiet:
+        console.tell(cache.where())
+    with ExitStack() as stack:
+        with console.steps("compiling", quiet) as show:
+            wanted = needed(configs, viewer=viewer, texture=texture)
+            stack.enter_context(compiling(wanted, show, console.tell))
+        yield
 
 
 @contextmanager

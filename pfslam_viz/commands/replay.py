@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 from pfslam_viz import console
 from pfslam_viz.commands.choices import ConfigChoice, DetailChoice, RecordingChoice, SinkChoice
 from pfslam_viz.commands.interrupt import Interrupted, stop_on_interrupt
-from pfslam_viz.commands.progress import load_kernels, replay_progress
+from pfslam_viz.commands.progress import kernels, replay_progress
 from pfslam_viz.commands.summary import summary
+from pfslam_viz.compiling.clock import CLOCK, clock
 from pfslam_viz.config import Config
 from pfslam_viz.files import check_writable
 from pfslam_viz.recordings.findings import SEVERITIES, of
@@ -40,15 +41,15 @@ def run(
     chosen.require()
     sinks.check_screen()
     recording = read(chosen, quiet)
-    load_kernels(quiet)
     with ExitStack() as stack:
+        stack.enter_context(kernels([config], recording, viewer=sinks.any, quiet=quiet))
         with stop_on_interrupt() as stopped:
             stream = open_stream(stack, recording, config, sinks, detail)
             result, log_seconds = _replay(recording, config, stream, stopped, quiet)
         result.require_map()
         if stream is not None:
             stream.finish(result)
-        seconds = perf_counter() - started
+        seconds = perf_counter() - started - CLOCK.seconds
     if export is not None and len(result.stamps):
         with console.status("writing the export", quiet):
             _export(result, export)
@@ -110,9 +111,9 @@ def _replay(
     with replay_progress(recording, quiet) as progress:
         for step in replay:
             if stream is not None:
-                before = perf_counter()
+                before = clock()
                 stream.log(step)
-                log_seconds += perf_counter() - before
+                log_seconds += clock() - before
             progress.advance()
             if stopped():
                 break

@@ -12,6 +12,8 @@ from pfslam_viz import geometry
 from pfslam_viz.replay import PHASES, Result
 from pfslam_viz.slam.protocol import Kept
 
+COMPILED = 0.05  # s that are worth telling
+
 
 def summary(
     result: Result,
@@ -22,8 +24,8 @@ def summary(
 ) -> Group:
     """What is shown at the end of a run: the two trajectories side by side, then the run itself.
 
-    ``seconds`` the whole run took, ``log_seconds`` of them for sending it to Rerun; ``file`` is the .rrd that was
-    written; ``left_out`` says what is not in it, a phrase each.
+    ``seconds`` the whole run took but for compiling, ``log_seconds`` of them for sending it to Rerun; ``file`` is the
+    .rrd that was written; ``left_out`` says what is not in it, a phrase each.
     """
     config = result.config
     title = f"{result.recording.name}, {config.name}: {len(result.stamps):,} scans, {config.particles:,} particles"
@@ -105,6 +107,8 @@ def _run(result: Result, seconds: float, log_seconds: float) -> Iterator[tuple[s
     yield "time", f"{seconds:.1f} s, {n / seconds:,.0f} scans/s, {recorded / seconds:.1f}x real time"
     spent = {phase.replace("_", " "): float(result.seconds[phase].sum()) for phase in PHASES} | {"log": log_seconds}
     yield "ms a scan", ", ".join(f"{name} {1e3 * total / n:.2f}" for name, total in spent.items() if total > 0)
+    if result.compile_seconds >= COMPILED:
+        yield "compiling", f"{result.compile_seconds:.1f} s more, in this run only: not in the times above"
     yield "resampled", f"after {result.resamplings:,} of {n:,} scans"
     if result.kept is not None:
         yield "kept", _kept(result.kept)

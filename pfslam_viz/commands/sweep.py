@@ -10,7 +10,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from pfslam_viz import console
 from pfslam_viz.commands.choices import RecordingChoice
 from pfslam_viz.commands.interrupt import Interrupted, stop_on_interrupt
-from pfslam_viz.commands.progress import load_kernels
+from pfslam_viz.commands.progress import kernels
 from pfslam_viz.commands.replay import read
 from pfslam_viz.errors import InputError, PfslamError
 from pfslam_viz.files import replaced
@@ -122,8 +122,8 @@ def _run(
         if choice.scheduler is not None:  # one that is not there is told before anything that takes long
             client = stack.enter_context(open_cluster(choice.scheduler))
             workers = max(sum(client.nthreads().values()), 1)
-        load_kernels(quiet)
-        with console.status("compiling kernels, timing a few scans", quiet):
+        stack.enter_context(kernels([cell.config for cell in missing], quiet=quiet))
+        with console.status("timing a few scans", quiet):
             seconds = estimate_seconds(missing, recordings, workers)
         if not quiet:
             console.tell(_announcement(plan, len(missing), seconds, workers))

@@ -7,6 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from pfslam_viz.compiling.compile import compile_all
+from pfslam_viz.compiling.needed import needed
 from pfslam_viz.config import Config
 from pfslam_viz.evaluation.map_quality import map_quality
 from pfslam_viz.evaluation.metrics import finite, scores, speed
@@ -23,7 +25,11 @@ def seeded(config: Config, seed: int) -> Config:
 
 
 def warm_up(recording: Recording, config: Config) -> None:
-    """Compile the kernels that the configuration needs, or load them from the cache of an earlier run."""
+    """Compile the kernels that the configuration needs, or load them from the cache, and run a few scans.
+
+    These load whatever else is loaded at first.
+    """
+    compile_all(needed([config]))
     for _ in Replay(recording.select(0, WARM_UP), config, texture=False):
         pass
 

@@ -99,6 +99,7 @@ def speed(result: Result) -> dict[str, Any]:
     return {
         "phases": phases,
         "finish_s": result.finish_seconds,
+        "compile_s": result.compile_seconds,  # in none of the others
         "total_s": total,
         "ms_per_scan": 1e3 * total / scans if scans else None,
         "scans_per_second": scans / total if total > 0 else None,

@@ -1,8 +1,9 @@
 """The simulated buildings' floors: a colour for every point of the plan."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from pfslam_viz.compiling.kernel import kernel
 
 CHECKER, SLABS, PLANKS, BLUE_CARPET, GREEN_CARPET = range(5)
 PATTERNS = ("checker", "slabs", "planks", "blue carpet", "green carpet")
@@ -10,7 +11,7 @@ TILE = 0.5  # m, edge of the checker's tiles
 SLAB = 0.8  # m, edge of the slabs
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _shade(i: int, j: int) -> float:
     """A number in [-1, 1) that looks random but belongs to the tile i, j."""
     h = (i * 73856093) ^ (j * 19349663)
@@ -18,7 +19,7 @@ def _shade(i: int, j: int) -> float:
     return ((h & 0xFFFF) / 32768.0) - 1.0
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def pattern_color(pattern: int, x: float, y: float) -> tuple[float, float, float]:
     """RGB in 0..255 of a floor pattern at x, y (m, the plan's frame)."""
     if pattern == 0:
@@ -46,7 +47,7 @@ def pattern_color(pattern: int, x: float, y: float) -> tuple[float, float, float
     return 92.0 + s, 128.0 + s, 96.0 + s
 
 
-@njit(cache=True, nogil=True)
+@kernel("f8, f8, f8[:, ::1], i8[::1]")
 def floor_color(
     x: float, y: float, zones: NDArray[np.float64], floors: NDArray[np.int64]
 ) -> tuple[float, float, float]:

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
+from pfslam_viz.compiling.kernel import kernel
 from pfslam_viz.errors import PfslamError
 from pfslam_viz.robot import CameraGeometry, Robot
 from pfslam_viz.simulation.camera_errors import NO_READING, CameraErrors
@@ -163,7 +163,7 @@ def _write_png(path: Path, image: NDArray[np.uint8] | NDArray[np.uint16]) -> Non
     path.write_bytes(data.tobytes())
 
 
-@njit(cache=True, nogil=True)
+@kernel("f8[:, :, ::1], f8, f8[:, ::1], i8[::1], f8[::1], f8[::1]")
 def _cast(  # type: ignore[no-untyped-def]
     rays: Array, height: float, walls: Array, names: NDArray[np.int64], low: Array, width: Array
 ):
@@ -202,7 +202,7 @@ def _cast(  # type: ignore[no-untyped-def]
     return depth, hit
 
 
-@njit(cache=True, nogil=True)
+@kernel("f8[:, :, ::1], f8[::1], f8[::1], f8[:, ::1], i8[::1], f8[:, ::1], f8[:, ::1], i4[:, ::1]")
 def _paint(  # type: ignore[no-untyped-def]
     rays: Array,
     position: Array,

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
+from pfslam_viz.compiling.kernel import kernel
 from pfslam_viz.robot import Robot
 from pfslam_viz.simulation.drive import Drive
 from pfslam_viz.simulation.world import Array, World
@@ -84,7 +84,7 @@ def true_ranges(walls: Array, poses: Array, angles: Array) -> tuple[Array, Array
     return ranges
 
 
-@njit(cache=True)
+@kernel("f8[:, ::1], f8[:, ::1], f8, f8, i8")
 def _true_ranges(  # type: ignore[no-untyped-def]
     walls: Array, poses: Array, first: float, increment: float, beams: int
 ):

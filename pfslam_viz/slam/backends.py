@@ -19,16 +19,42 @@ class Backend:
     """One back end: its settings, and where its filter is, ``module:class``.
 
     The class is made with ``(config, worker)`` and follows :class:`pfslam_viz.slam.protocol.Slam`. It is imported when
-    it runs, since kernels are slow to import.
+    it runs, since kernels are slow to import. ``kernels`` are those that it calls, module by module in the order in
+    which it needs them, and ``later_kernels`` those that it needs some way into a run, or at its end; those that every
+    back end calls are in :mod:`pfslam_viz.compiling.needed`.
     """
 
     settings: type[Config]
     filter: str
+    kernels: tuple[tuple[str, str], ...] = ()
+    later_kernels: tuple[tuple[str, str], ...] = ()
 
 
 BACKENDS: dict[str, Backend] = {
-    "single_map": Backend(PaperConfig, "pfslam_viz.slam.paper.particle_filter:ParticleFilter"),
-    "rao_blackwellized": Backend(RbpfConfig, "pfslam_viz.slam.rbpf.rao_blackwellized:RaoBlackwellizedFilter"),
+    "single_map": Backend(
+        PaperConfig,
+        "pfslam_viz.slam.paper.particle_filter:ParticleFilter",
+        (("slam.kernels", "correlate project"), ("slam.map_kernels", "add_scan")),
+    ),
+    "rao_blackwellized": Backend(
+        RbpfConfig,
+        "pfslam_viz.slam.rbpf.rao_blackwellized:RaoBlackwellizedFilter",
+        (
+            ("slam.kernels", "compose"),
+            ("slam.rbpf.proposal", "propose spread_points"),
+            ("slam.rbpf.tile_kernels", "write_scans project join"),
+            ("slam.graph.walls", "within describe"),
+            ("slam.rbpf.history", "_descent"),
+        ),
+        (
+            ("slam.graph.visits", "earlier_visits"),
+            ("slam.graph.scan_matching", "match_pairs"),
+            ("slam.graph.drift", "_variances"),
+            ("slam.graph.loop_closing", "overlay"),
+            ("slam.graph.branch_and_bound", "_sums _refine"),
+            ("slam.graph.evidence", "_agreement"),
+        ),
+    ),
 }
 
 

@@ -8,9 +8,9 @@ and (25).
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from pfslam_viz.compiling.kernel import kernel
 from pfslam_viz.slam.atomic import fetch_add
 
 Floats = NDArray[np.float64]
@@ -19,7 +19,7 @@ APART = 40  # how far apart in the scan beams are that are looked up one after t
 TAKEN = 16  # poses that a thread takes at a time
 
 
-@njit(cache=True, nogil=True)
+@kernel("f8[:, ::1], f8[::1], f8[:, ::1]")
 def move(poses: Floats, increment: Floats, noise: Floats) -> Floats:
     """Equations (13), (17), (18): every pose (N, 3) moved by the increment (3,) of its own frame, plus noise (N, 3)."""
     out = np.empty_like(poses)
@@ -32,7 +32,7 @@ def move(poses: Floats, increment: Floats, noise: Floats) -> Floats:
     return out
 
 
-@njit(cache=True, nogil=True)
+@kernel("f8[::1], f8[::1]")
 def compose(pose: Floats, increment: Floats) -> Floats:
     """One pose (3,) moved by one increment (3,): :func:`pfslam_viz.geometry.compose` without its overhead."""
     out = np.empty(3)
@@ -44,7 +44,7 @@ def compose(pose: Floats, increment: Floats) -> Floats:
     return out
 
 
-@njit(cache=True, nogil=True)
+@kernel("f8[::1], f8[:, ::1]")
 def transform(pose: Floats, points: Floats) -> Floats:
     """Points (m, 2) of the frame of ``pose`` (3,) in the world's: :func:`pfslam_viz.geometry.transform`, sooner."""
     out = np.empty_like(points)
@@ -55,7 +55,7 @@ def transform(pose: Floats, points: Floats) -> Floats:
     return out
 
 
-@njit(cache=True, nogil=True)
+@kernel("f8[:, ::1], f8[::1]")
 def moments(poses: Floats, weights: Floats) -> tuple[Floats, Floats, float]:
     """Mean pose (3,), (33), covariance (3, 3) and effective sample size, (30), of poses (N, 3); weights sum to 1."""
     mean, covariance = np.zeros(3), np.zeros((3, 3))
@@ -82,7 +82,7 @@ def moments(poses: Floats, weights: Floats) -> tuple[Floats, Floats, float]:
     return mean, covariance, 1.0 / squares
 
 
-@njit(cache=True, nogil=True)
+@kernel("f8[::1], f8[::1]")
 def pick(weights: Floats, positions: Floats) -> NDArray[np.int64]:
     """The particles (k,) into whose share of [0, 1) the ascending ``positions`` (k,) fall, (31).
 
@@ -103,7 +103,7 @@ def pick(weights: Floats, positions: Floats) -> NDArray[np.int64]:
     return picked
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel("f8[:, ::1], f8[:, ::1], u1[:, ::1], i8, i8, f8, u1[:, ::1], i8[::1], i8[::1]", fastmath=True)
 def correlate(
     poses: Floats,
     points: Floats,
@@ -142,7 +142,10 @@ def correlate(
                 b += 1
         # Of the scratch grid, only the rows that the scan reaches are needed.
         reach = math.sqrt(reach) * scale + 1.0
-        highest, lowest = origin_row - poses[:, 1].max() * scale - reach, origin_row - poses[:, 1].min() * scale + reach
+        most_up, least_up = poses[0, 1], poses[0, 1]
+        for k in range(1, n):
+            most_up, least_up = max(most_up, poses[k, 1]), min(least_up, poses[k, 1])
+        highest, lowest = origin_row - most_up * scale - reach, origin_row - least_up * scale + reach
         top, bottom = int(min(max(highest, 0.0), rows - 1.0)), int(min(max(lowest, 0.0), rows - 1.0)) + 1
         marked = marks.ravel()
         reached, fresh = occupied.ravel()[top * columns : bottom * columns], marked[top * columns : bottom * columns]
@@ -176,7 +179,7 @@ def correlate(
         pass
 
 
-@njit(cache=True, nogil=True)
+@kernel("f8[::1], f8[:, ::1], u1[:, ::1], i8, i8, f8")
 def project(
     pose: Floats, points: Floats, occupied: NDArray[np.uint8], origin_row: int, origin_column: int, cell: float
 ) -> tuple[Floats, NDArray[np.bool_]]:
@@ -189,7 +192,7 @@ def project(
     return world, hits
 
 
-@njit(cache=True, nogil=True)
+@kernel("f4[::1], f8[:, ::1], f8[::1], f8, f8")
 def read_scan(
     ranges: NDArray[np.float32], directions: Floats, origin: Floats, shortest: float, longest: float
 ) -> Floats:

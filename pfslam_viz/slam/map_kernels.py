@@ -8,15 +8,15 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from pfslam_viz.compiling.kernel import kernel
 from pfslam_viz.slam.kernels import Floats, transform
 
 BELOW_HALF = 0.5 - 1e-9  # of a cell; a line's offset is a half, or at least 1 / (2 x its length) away from it
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def end_cells(
     pose: Floats, points: Floats, lidar_position: Floats, cell: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
@@ -28,7 +28,8 @@ def end_cells(
     """
     cells = np.empty((len(points) + 1, 2), np.int64)
     lidar, world = transform(pose, lidar_position.reshape(1, 2)), transform(pose, points)
-    extent = np.array([2**62, 2**62, -(2**62), -(2**62)])
+    extent = np.empty(4, np.int64)
+    extent[0], extent[1], extent[2], extent[3] = 2**62, 2**62, -(2**62), -(2**62)
     for b in range(len(cells)):
         x, y = (lidar[0, 0], lidar[0, 1]) if b == 0 else (world[b - 1, 0], world[b - 1, 1])
         cells[b, 0], cells[b, 1] = math.floor(-y / cell), math.floor(x / cell)
@@ -38,7 +39,7 @@ def end_cells(
     return cells, extent, world
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def bundles(cells: NDArray[np.int64]) -> tuple[NDArray[np.int64], Floats]:
     """The lines from the first of the ``cells`` (m + 1, 2) to each of the others, as bundles of lines side by side.
 
@@ -86,7 +87,7 @@ def bundles(cells: NDArray[np.int64]) -> tuple[NDArray[np.int64], Floats]:
     return steps[:count], slopes[:count]
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def write_scan(
     log_odds: NDArray[np.float32],
     occupied: NDArray[np.uint8],
@@ -134,7 +135,7 @@ def write_scan(
                     above[i] = values[i] > threshold
 
 
-@njit(cache=True, nogil=True)
+@kernel("f8[::1], f8[:, ::1], f8[::1], f4[:, ::1], u1[:, ::1], u1[:, ::1], i8, i8, i8, f8, f4, f4, f4, f4")
 def add_scan(
     pose: Floats,
     points: Floats,
@@ -168,7 +169,10 @@ def add_scan(
     return inside, extent, world
 
 
-@njit(cache=True, nogil=True)
+@kernel(
+    "f8[:, ::1], f8[:, ::1], i8[::1], f8[:, ::1], i8, f4[:, ::1], u1[:, ::1], u1[:, ::1], i8, "
+    "i8, i8, f8, f4, f4, f4, f4"
+)
 def add_scans(
     poses: Floats,
     points: Floats,

@@ -3,9 +3,9 @@
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from pfslam_viz.compiling.kernel import kernel
 from pfslam_viz.texture.kinect import INVERSE_AT_0, INVERSE_STEP, SCALE
 
 Array = NDArray[np.float64]
@@ -20,7 +20,11 @@ FEW_CELLS = 5.0  # so many make half of the gain that they say: their colours ma
 LEAK = 0.1  # of a log gain is left out, times the share of the frame's floor that is new
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # divisions that need no check are vectorised
+@kernel(
+    "f4[:, :, ::1], i8, i8, f8, u2[:, ::1], u1[:, :, ::1], f8, f8, f8, f8, f4[:, ::1], f4[:, ::1], f8[::1], f8, f8, "
+    "f4[::1], i4[::1], f4[::1]",
+    error_model="numpy",
+)  # divisions that need no check are vectorised
 def collect(  # type: ignore[no-untyped-def]
     patch: Float32,
     top: int,
@@ -60,9 +64,11 @@ def collect(  # type: ignore[no-untyped-def]
     at_zero, per_step, scale = np.float32(INVERSE_AT_0), np.float32(INVERSE_STEP), np.float32(SCALE)
     depth = np.empty(columns, np.float32)
     rounding = np.float32(1.5)  # and then one less: conversion cuts towards zero
-    row, column, index, color_column = np.empty((4, columns), np.int32)
+    row, column = np.empty(columns, np.int32), np.empty(columns, np.int32)
+    index, color_column = np.empty(columns, np.int32), np.empty(columns, np.int32)
     # Neighbours often fall into one cell: sums wait in registers until the next cell comes.
-    here, red, green, blue, count = none, 0, 0, 0, 0
+    nothing: int = np.int64(0)  # type: ignore[assignment]  # of the sums' type from the first
+    here, red, green, blue, count = none, nothing, nothing, nothing, nothing
     for v in range(len(disparity)):
         if color_rows[v] < 0 or color_rows[v] >= len(color):
             continue
@@ -88,7 +94,7 @@ def collect(  # type: ignore[no-untyped-def]
                 if count > 0:
                     _put(cells[here], red, green, blue, count)
                 here = index[u]
-                red, green, blue, count = 0, 0, 0, 0
+                red, green, blue, count = nothing, nothing, nothing, nothing
                 box_top, box_bottom = min(box_top, row[u]), max(box_bottom, row[u])
                 box_left, box_right = min(box_left, column[u]), max(box_right, column[u])
             pixel = shown[np.uint32(color_column[u])]
@@ -101,7 +107,7 @@ def collect(  # type: ignore[no-untyped-def]
     return box_top, box_bottom, box_left, box_right
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _put(sums: Float32, red: int, green: int, blue: int, count: int) -> None:
     sums[0] += np.float32(red)
     sums[1] += np.float32(green)
@@ -109,7 +115,7 @@ def _put(sums: Float32, red: int, green: int, blue: int, count: int) -> None:
     sums[3] += np.float32(count)
 
 
-@njit(cache=True, nogil=True)
+@kernel("f4[:, :, :], f4[:, :, :], f4[:, :], u1[:, :, :]")
 def merge(patch: Float32, total: Float32, weight: Float32, color: NDArray[np.uint8]) -> int:
     """Add the sums of a ``patch`` (r, c, 4), as of :func:`collect`, to those of the same cells of a texture.
 
@@ -129,7 +135,7 @@ def merge(patch: Float32, total: Float32, weight: Float32, color: NDArray[np.uin
     return touched
 
 
-@njit(cache=True, nogil=True)
+@kernel("f4[:, :, :], f4[:, :, :], f4[:, :]")
 def match(patch: Float32, total: Float32, weight: Float32) -> Array:
     """What a frame's colours are to be multiplied by (3,), red, green and blue, to look like what is painted already.
 
@@ -160,23 +166,29 @@ def match(patch: Float32, total: Float32, weight: Float32) -> Array:
                     cells[k] += 1.0
     kept = 1.0 - LEAK * new / max(new + old, 1)
     for k in range(3):
-        half, below = 0.5 * votes[k].sum(), 0.0
+        together, below = np.float32(0.0), 0.0
+        for step in range(BINS):
+            together += votes[k, step]
+        half = 0.5 * together
         for step in range(BINS):
             if half > 0.0 and below + votes[k, step] >= half:
                 log = (step + (half - below) / votes[k, step] - middle) / STEPS
                 logs[k] = log * kept * cells[k] / (cells[k] + FEW_CELLS)
                 break
             below += votes[k, step]
-    known = cells > 0.0
-    if known.any() and not known.all():
-        others = logs[known].mean()
-        for k in range(3):
-            if not known[k]:
-                logs[k] = others
-    return np.exp(logs)
+    known, others = 0, 0.0
+    for k in range(3):
+        if cells[k] > 0.0:
+            known += 1
+            others += logs[k]
+    for k in range(3):
+        if cells[k] == 0.0 and known > 0:
+            logs[k] = others / known
+        logs[k] = math.exp(logs[k])
+    return logs
 
 
-@njit(cache=True, nogil=True)
+@kernel("f4[:, :, :], f8[::1], f4[:, :, :], f4[:, :], f4[:, :], u1[:, :, :]")
 def blend(
     patch: Float32, gain: Array, total: Float32, weight: Float32, finest: Float32, color: NDArray[np.uint8]
 ) -> int:
@@ -211,7 +223,7 @@ def blend(
     return touched
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel("u2[:, ::1], f4[:, ::1], f4[:, ::1], f8, f8, f8, f8, i8", error_model="numpy")
 def off_plane(  # type: ignore[no-untyped-def]
     disparity: NDArray[np.uint16],
     by_row: Float32,

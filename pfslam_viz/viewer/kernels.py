@@ -1,17 +1,19 @@
 """What is drawn of every scan or map, worked out cell by cell: compiled by numba, arrays in and arrays out."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from pfslam_viz.compiling.kernel import kernel
 
 Positions = NDArray[np.float32]
 
 
-@njit(cache=True, nogil=True)
+@kernel("f4[:, ::1]")
 def known_box(values: NDArray[np.float32]) -> NDArray[np.int64]:
     """First row, last row, first column and last column (4,) of the ``values`` that are not 0; where all are, all 0."""
     rows, columns = values.shape
-    box = np.array([rows, -1, columns, -1])
+    box = np.empty(4, np.int64)
+    box[0], box[1], box[2], box[3] = rows, -1, columns, -1
     in_column = np.zeros(columns, np.bool_)
     for i in range(rows):
         in_row = False
@@ -24,10 +26,12 @@ def known_box(values: NDArray[np.float32]) -> NDArray[np.int64]:
     for j in range(columns):
         if in_column[j]:
             box[2], box[3] = min(box[2], j), j
-    return box if box[1] >= 0 else np.zeros_like(box)
+    if box[1] < 0:
+        box[0], box[1], box[2], box[3] = 0, 0, 0, 0
+    return box
 
 
-@njit(cache=True, nogil=True, fastmath={"nnan"})  # so that least and greatest are vectorised
+@kernel("f4[:, ::1], u1[::1], f8, i8", fastmath={"nnan"})  # so that least and greatest are vectorised
 def shade(
     log_odds: NDArray[np.float32], table: NDArray[np.uint8], steps: float, unknown: int
 ) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
@@ -49,7 +53,7 @@ def shade(
     return out, box
 
 
-@njit(cache=True, nogil=True)
+@kernel("u1[:, ::1], u1[:, ::1], i8, i8, i8, i8")
 def bridge(
     cells: NDArray[np.uint8], drawn: NDArray[np.uint8], most: int, free: int, unknown: int, tint: int
 ) -> NDArray[np.uint8]:
@@ -59,7 +63,9 @@ def bridge(
     """
     rows, columns = cells.shape
     out = drawn.copy()
-    above = np.full(columns, -1, np.int64)  # the last row that was free with nothing but unknown since, if any
+    above = np.empty(columns, np.int64)  # the last row that was free with nothing but unknown since, if any
+    for j in range(columns):
+        above[j] = -1
     for i in range(rows):
         before = -1
         for j in range(columns):
@@ -68,16 +74,18 @@ def bridge(
                 continue
             if value < free:
                 if before >= 0 and 1 < j - before <= most + 1:
-                    out[i, before + 1 : j] = tint
+                    for k in range(before + 1, j):
+                        out[i, k] = tint
                 if above[j] >= 0 and 1 < i - above[j] <= most + 1:
-                    out[above[j] + 1 : i, j] = tint
+                    for k in range(above[j] + 1, i):
+                        out[k, j] = tint
                 before, above[j] = j, i
             else:
                 before = above[j] = -1
     return out
 
 
-@njit(cache=True, nogil=True)
+@kernel("i8[::1], i8[::1]")
 def descend(founders: NDArray[np.int64], parents: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
     """The founders (N,) of the particles that descend from ``parents`` (N,), and how many different ones these are.
 
@@ -94,7 +102,7 @@ def descend(founders: NDArray[np.int64], parents: NDArray[np.int64]) -> tuple[ND
     return own, count
 
 
-@njit(cache=True, nogil=True)
+@kernel("f4[:, :, ::1], i4[:, ::1], i8, i8, i8[::1], i8")
 def trace(
     positions: Positions, parents: NDArray[np.int32], newest: int, count: int, particles: NDArray[np.int64], stride: int
 ) -> Positions:
@@ -115,10 +123,8 @@ def trace(
             for back in range(stride):
                 ancestor = parents[(row - back) % window, ancestor]
             for axis in range(2):
-                pieces[m, 0, axis], pieces[m, 1, axis] = (
-                    positions[older, ancestor, axis],
-                    positions[row, alive[k], axis],
-                )
+                pieces[m, 0, axis] = positions[older, ancestor, axis]
+                pieces[m, 1, axis] = positions[row, alive[k], axis]
             m += 1
             if not met[ancestor]:
                 met[ancestor] = True

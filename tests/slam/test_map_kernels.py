@@ -9,10 +9,14 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.slam import map_kernels
+from tests.kernels import from_python
 
 Array = NDArray[np.float64]
 Cell = tuple[int, int]
 Layers = tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint8]]
+
+end_cells, bundles = from_python(map_kernels.end_cells), from_python(map_kernels.bundles)
+write_scan = from_python(map_kernels.write_scan)
 
 ORIGIN = (23, 17)
 CELL = 0.1
@@ -65,7 +69,7 @@ def test_end_cells(kind: str) -> None:
         "empty": np.zeros((0, 2)),
     }[kind]
     pose, sensor = np.array([0.213, -0.117, 0.4]), np.array([0.3, 0.02])
-    cells, extent, world = map_kernels.end_cells(pose, points, sensor, CELL)
+    cells, extent, world = end_cells(pose, points, sensor, CELL)
     np.testing.assert_allclose(world, geometry.transform(pose, points), atol=1e-12)
     twin = cells_of(geometry.transform(pose, np.vstack([sensor, points]))) - ORIGIN
     np.testing.assert_array_equal(cells, twin)
@@ -90,7 +94,7 @@ def test_write_scan(kind: str) -> None:
     occupied, touched = (log_odds > 0.5).astype(np.uint8), np.zeros(SHAPE, np.uint8)
     cells = np.array([start, *ends], np.int64) - ORIGIN
     numbers = [np.float32(v) for v in (1.4, 0.9, bound, 0.5)]
-    map_kernels.write_scan(log_odds, occupied, touched, 7, cells, *ORIGIN, *numbers)
+    write_scan(log_odds, occupied, touched, 7, cells, *ORIGIN, *numbers)
     twin = write_twin(before.astype(np.float64), start, ends, 1.4, 0.9, bound)
     np.testing.assert_allclose(log_odds, twin, atol=1e-6)
     np.testing.assert_array_equal(occupied, log_odds > np.float32(0.5))
@@ -125,9 +129,7 @@ def test_write_scan_crosses_the_cells_of_every_line(kind: str) -> None:
     for mark in (1, 2, 3):
         start = tuple(rng.integers(-5, 6, 2).tolist())
         cells = np.vstack([start, start + ends_of(kind, rng)]).astype(np.int64)
-        map_kernels.write_scan(
-            log_odds, occupied, touched, mark, cells, *origin, *(np.float32(v) for v in (1.5, 0.5, 100.0, 0.0))
-        )
+        write_scan(log_odds, occupied, touched, mark, cells, *origin, *(np.float32(v) for v in (1.5, 0.5, 100.0, 0.0)))
         (r, c), *ends = [tuple(cell) for cell in (cells + origin).tolist()]
         twin = write_twin(twin, (r, c), ends, 1.5, 0.5, 100.0)
     np.testing.assert_array_equal(log_odds, twin)
@@ -137,7 +139,7 @@ def test_write_scan_crosses_the_cells_of_every_line(kind: str) -> None:
 def test_bundles_of_a_wall() -> None:
     """A wall of seven cells, two ahead: three lines straight on, and two to each side, one longer than the other."""
     cells = np.array([[0, 0], *([-2, column] for column in range(-3, 4))])
-    steps, slopes = map_kernels.bundles(cells)
+    steps, slopes = bundles(cells)
     found = [(*step, *slope) for step, slope in zip(steps.tolist(), slopes.tolist(), strict=True)]
     expected = [(0, 2, -1, 0, -1 / 2, 1 / 2)]
     for side in (-1, 1):
@@ -152,7 +154,7 @@ def test_write_scan_rounds_half_a_cell_towards_the_start() -> None:
             log_odds = np.zeros(SHAPE, np.float32)
             layers = log_odds, np.zeros(SHAPE, np.uint8), np.zeros(SHAPE, np.uint8)
             numbers = (np.float32(v) for v in (1.5, 0.5, 100.0, 0.0))
-            map_kernels.write_scan(*layers, 1, np.array([[0, 0], [row, column]]), *ORIGIN, *numbers)
+            write_scan(*layers, 1, np.array([[0, 0], [row, column]]), *ORIGIN, *numbers)
             end = (ORIGIN[0] + row, ORIGIN[1] + column)
             np.testing.assert_array_equal(log_odds, write_twin(np.zeros(SHAPE), ORIGIN, [end], 1.5, 0.5, 100.0))
 

@@ -9,8 +9,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from pfslam_viz.compiling.kernel import kernel
 
 Array = NDArray[np.float64]
 Field = NDArray[np.float32]
@@ -65,7 +66,7 @@ def _block_maxima(field: Field) -> Field:
     return np.asarray(dilated, np.float32)
 
 
-@njit(cache=True, nogil=True)
+@kernel("f4[:, ::1], f8[::1], f8[:, ::1], f8[::1], i8, i8")
 def _sums(field: Field, centre: Array, points: Array, turns: Array, steps: int, stride: int) -> Field:
     """Sums of the field under the points at every ``stride``-th offset: (turns, k, k), rows are shifts along y."""
     n = field.shape[0]
@@ -84,7 +85,7 @@ def _sums(field: Field, centre: Array, points: Array, turns: Array, steps: int, 
     return out
 
 
-@njit(cache=True, nogil=True)
+@kernel("f4[:, ::1], f8[::1], f8[:, ::1], f8[::1], i8, f8[::1], i8[:, ::1], f8, f8")
 def _refine(
     field: Field,
     centre: Array,
@@ -107,7 +108,7 @@ def _refine(
     for k in range(len(bounds)):
         if bounds[k] < least or bounds[k] < share * best:
             break
-        t, i, j = blocks[k]
+        t, i, j = blocks[k, 0], blocks[k, 1], blocks[k, 2]
         c, s = math.cos(turns[t]), math.sin(turns[t])
         for b in range(m):
             columns[b] = math.floor(centre[0] + c * points[b, 0] - s * points[b, 1])
@@ -124,7 +125,9 @@ def _refine(
                         total += field[row, column]
                 if count == len(out):
                     more = np.empty((2 * count, 4))
-                    more[:count] = out
+                    for f in range(count):
+                        for column in range(4):
+                            more[f, column] = out[f, column]
                     out = more
                 out[count, 0], out[count, 1], out[count, 2], out[count, 3] = total / m, t, down, right
                 best = max(best, total / m)

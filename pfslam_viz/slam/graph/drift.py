@@ -12,10 +12,10 @@ matches").
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
+from pfslam_viz.compiling.kernel import kernel
 from pfslam_viz.slam.graph.pose_graph import Constraints
 from pfslam_viz.slam.graph.settings import DriftConfig
 
@@ -48,7 +48,7 @@ class Drift:
         return np.sqrt(variances[0]), np.sqrt(variances[1])
 
 
-@njit(cache=True, nogil=True)
+@kernel("f8[:, ::1], i8[:, ::1], i8, f8, f8")
 def _variances(sums: Array, links: Indices, later: int, x: float, y: float) -> Array:
     """(2, later): the variances of position (x, y) and of heading at key pose ``later`` as seen from those before it.
 
@@ -56,9 +56,10 @@ def _variances(sums: Array, links: Indices, later: int, x: float, y: float) -> A
     """
     out = np.empty((2, later))
     for earlier in range(later):
-        out[0, earlier], out[1, earlier] = _along(sums, earlier, later, x, y)
+        position, heading = _along(sums, earlier, later, x, y)
+        out[0, earlier], out[1, earlier] = position, heading
     for k in range(len(links)):
-        start, end = links[k]
+        start, end = links[k, 0], links[k, 1]
         if start >= later or end >= later:
             continue
         on_position, on_heading = _along(sums, end, later, x, y)
@@ -69,12 +70,14 @@ def _variances(sums: Array, links: Indices, later: int, x: float, y: float) -> A
     return out
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _along(sums: Array, start: int, end: int, x: float, y: float) -> tuple[float, float]:
     """Variances of (x, y) and of heading over the joints between two key scans, whichever comes first."""
-    first, last = sums[min(start, end)], sums[max(start, end)]
-    q = last[3] - first[3]
-    position = last[0] - first[0] - 2.0 * (x * (last[1] - first[1]) + y * (last[2] - first[2])) + q * (x * x + y * y)
+    first, last = min(start, end), max(start, end)
+    q = sums[last, 3] - sums[first, 3]
+    position = sums[last, 0] - sums[first, 0]
+    position -= 2.0 * (x * (sums[last, 1] - sums[first, 1]) + y * (sums[last, 2] - sums[first, 2]))
+    position += q * (x * x + y * y)
     return max(position, 0.0), q
 
 

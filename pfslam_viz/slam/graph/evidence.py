@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
+from pfslam_viz.compiling.kernel import kernel
 from pfslam_viz.slam.graph.scan_store import ScanStore
 from pfslam_viz.slam.graph.settings import EvidenceConfig
 from pfslam_viz.slam.graph.visits import earlier_visits
@@ -90,7 +90,7 @@ def witnesses(poses: Array, others: Array, config: EvidenceConfig) -> Indices:
     n = len(poses)
     pairs = [np.stack([np.arange(n - hop), np.arange(hop, n)], axis=-1) for hop in config.hops if hop < n]
     for trajectory in (poses, others):
-        visits = earlier_visits(trajectory, config.radius, config.apart, config.visits, config.turn_length)
+        visits = earlier_visits(trajectory, config.radius, config.apart, config.visits, config.turn_length, 0)
         visits[:, 0] = np.minimum(visits[:, 0] + config.aside, visits[:, 1] - 1)
         pairs.append(visits)
     return np.unique(np.concatenate(pairs), axis=0) if pairs else np.zeros((0, 2), np.int64)
@@ -102,13 +102,14 @@ def agreement(scans: ScanStore, poses: Array, pairs: Indices, config: EvidenceCo
     back = geometry.between(poses[pairs[:, 1]], poses[pairs[:, 0]])
     store = (scans.points, scans.normals, scans.bearings, scans.first, scans.lidar_position)
     rules = EvidenceRules.of(config)
-    there = _agreement(*store, pairs[:, 0], pairs[:, 1], increments, rules)
-    here = _agreement(*store, pairs[:, 1], pairs[:, 0], back, rules)
+    earlier, later = np.ascontiguousarray(pairs[:, 0]), np.ascontiguousarray(pairs[:, 1])
+    there = _agreement(*store, earlier, later, increments, rules)
+    here = _agreement(*store, later, earlier, back, rules)
     told = (there[:, 1] >= config.least_told) & (here[:, 1] >= config.least_told)
     return np.where(told, 0.5 * (there[:, 0] + here[:, 0]), 0.0)
 
 
-@njit(cache=True, nogil=True)
+@kernel("f4[:, :], f4[:, :], f4[:], i8[::1], f8[::1], i8[::1], i8[::1], f8[:, ::1], EvidenceRules")
 def _agreement(
     points: Singles,
     normals: Singles,
@@ -141,13 +142,19 @@ def _agreement(
             lx, ly = px - lidar_position[0], py - lidar_position[1]
             bearing = math.atan2(ly, lx)
             bearing -= 2.0 * math.pi * math.floor((bearing - ahead) / (2.0 * math.pi) + 0.5)
-            i = r0 + np.searchsorted(bearings[r0:r1], np.float32(bearing))
-            if i in (r0, r1) or bearings[i] - bearings[i - 1] > gap:
+            i, high, value = r0, r1, np.float32(bearing)
+            while i < high:  # the first beam that is not before it
+                middle = (i + high) // 2
+                if bearings[middle] < value:
+                    i = middle + 1
+                else:
+                    high = middle
+            if not r0 < i < r1 or bearings[i] - bearings[i - 1] > gap:
                 continue
             far = math.hypot(lx, ly)
             nearest = 1e9
             shortest, longest = 1e9, 0.0
-            for j in (i - 1, i):
+            for j in range(i - 1, i + 1):
                 dx, dy = px - points[j, 0], py - points[j, 1]
                 nx, ny = normals[j, 0], normals[j, 1]
                 away = math.hypot(dx, dy)

@@ -11,10 +11,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
+from pfslam_viz.compiling.kernel import kernel
 from pfslam_viz.slam.graph.branch_and_bound import search
 from pfslam_viz.slam.graph.drift import Drift
 from pfslam_viz.slam.graph.pose_graph import Constraints, turned
@@ -168,7 +168,7 @@ def blurred(points: Array, centre: Array, half: float, cell: float, blur: float)
     return np.exp(-(distance**2) / (2.0 * blur**2)).astype(np.float32), corner
 
 
-@njit(cache=True, nogil=True)
+@kernel("f4[:, ::1], f8[::1], f8[:, ::1], f8[::1], i8")
 def overlay(field: Field, centre: Array, points: Array, turns: Array, steps: int) -> Field:
     """Mean of the field under ``points`` (m, 2), turned about ``centre`` and moved by up to +-``steps`` cells.
 
@@ -188,7 +188,11 @@ def overlay(field: Field, centre: Array, points: Array, turns: Array, steps: int
             for i in range(width):
                 for j in range(width):
                     out[t, i, j] += field[row + i, column + j]
-    out /= np.float32(len(points))
+    count = np.float32(len(points))
+    for t in range(len(turns)):
+        for i in range(width):
+            for j in range(width):
+                out[t, i, j] /= count
     return out
 
 

@@ -10,9 +10,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from pfslam_viz.compiling.kernel import kernel
 from pfslam_viz.slam.graph.settings import ScanMatchingConfig
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ def open_direction(information: Array) -> Array | None:
     return vectors[:, 0] if values[1] > 0.0 and values[0] < 1e-6 * values[1] else None
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _first_from(bearings: Singles, low: int, high: int, value: float, start: int) -> int:
     """The first of ``low`` to ``high`` whose bearing is at least ``value``, or ``high``, looked for from ``start``."""
     k = start
@@ -57,7 +57,7 @@ def _first_from(bearings: Singles, low: int, high: int, value: float, start: int
     return k
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _forget_open_direction(h: Floats, g: Floats, share: float) -> None:
     """Take what a bare corridor seems to say about its own axis out of the information ``h`` and the gradient ``g``.
 
@@ -89,7 +89,34 @@ def _forget_open_direction(h: Floats, g: Floats, share: float) -> None:
         h[1, j] -= along * vy
 
 
-@njit(cache=True, nogil=True)
+@kernel()
+def _solve(a: Floats, b: Floats) -> None:
+    """Solve ``a`` (n, n) x = ``b`` (n,), in place: x ends in ``b``. Gauss's elimination, with the greatest pivots."""
+    n = len(b)
+    for k in range(n):
+        pivot = k
+        for i in range(k + 1, n):
+            if abs(a[i, k]) > abs(a[pivot, k]):
+                pivot = i
+        if pivot != k:
+            b[k], b[pivot] = b[pivot], b[k]
+            for j in range(k, n):
+                a[k, j], a[pivot, j] = a[pivot, j], a[k, j]
+        for i in range(k + 1, n):
+            share = a[i, k] / a[k, k]
+            b[i] -= share * b[k]
+            for j in range(k + 1, n):
+                a[i, j] -= share * a[k, j]
+    for i in range(n - 1, -1, -1):
+        for j in range(i + 1, n):
+            b[i] -= a[i, j] * b[j]
+        b[i] /= a[i, i]
+
+
+@kernel(
+    "f4[:, :], f4[:, :], f4[:], i8[::1], f8[::1], f8[::1], i8[::1], i8[::1], f8[:, ::1], f8[::1],"
+    " i8, i8, f8[::1], MatchingRules"
+)
 def match_pairs(
     points: Singles,
     normals: Singles,
@@ -114,22 +141,27 @@ def match_pairs(
     (k, 3, 3), the share of points that found a partner within the last gate (k,) and their mean |distance| m (k,).
     """
     count = len(references)
-    poses, information = guesses.copy(), np.zeros((count, 3, 3))
-    overlap, distance = np.zeros(count), np.zeros(count)
-    h, g = np.zeros((3, 3)), np.zeros(3)
+    poses, information = np.empty((count, 3)), np.empty((count, 3, 3))
+    overlap, distance = np.empty(count), np.empty(count)
+    h, g, held = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
     for k in range(count):
+        x, y, heading = guesses[k, 0], guesses[k, 1], guesses[k, 2]
+        overlap[k], distance[k] = 0.0, 0.0
+        for i in range(3):
+            poses[k, i] = guesses[k, i]
+            for j in range(3):
+                information[k, i, j] = 0.0
         r0, r1 = first[references[k]], first[references[k] + 1]
         q0, q1 = first[others[k]], first[others[k] + 1]
         if r1 - r0 < rules.fewest_points or q1 - q0 < rules.fewest_points:
             continue
-        x, y, heading = guesses[k, 0], guesses[k, 1], guesses[k, 2]
         ahead = 0.5 * (bearings[r0] + bearings[r1 - 1])
         for iteration in range(iterations + 1):
             gate = gates[min(iteration, len(gates) - 1)]
             width = max(rules.robust_noise * rules.noise, gate / rules.robust_gate)  # of the robust weight (Cauchy's)
             c, s = math.cos(heading), math.sin(heading)
-            h[:, :] = 0.0  # information and gradient of the scans: one Gauss-Newton step
-            g[:] = 0.0
+            hxx = hxy = hxt = hyy = hyt = htt = 0.0  # information and gradient of the scans: one Gauss-Newton step
+            gx = gy = gt = 0.0
             partners, used, sum_distance, middle = 0, 0, 0.0, r0
             for b in range(q0, q1, stride):
                 used += 1
@@ -141,7 +173,7 @@ def match_pairs(
                 bearing -= 2.0 * math.pi * math.floor((bearing - ahead) / (2.0 * math.pi) + 0.5)
                 best, at = gate * gate, -1
                 middle = _first_from(bearings, r0, r1, bearing, middle)
-                for side in (-1, 1):  # outwards, as long as a point at that bearing can still be nearer
+                for side in range(-1, 2, 2):  # outwards, as long as a point at that bearing can still be nearer
                     i = middle if side > 0 else middle - 1
                     while r0 <= i < r1:
                         away = CHORD * far * min(abs(bearings[i] - bearing), 0.5)
@@ -166,33 +198,36 @@ def match_pairs(
                 jt = -nx * oy + ny * ox
                 partners += 1
                 sum_distance += abs(e)
-                h[0, 0] += w * nx * nx
-                h[0, 1] += w * nx * ny
-                h[0, 2] += w * nx * jt
-                h[1, 1] += w * ny * ny
-                h[1, 2] += w * ny * jt
-                h[2, 2] += w * jt * jt
-                g[0] += w * nx * e
-                g[1] += w * ny * e
-                g[2] += w * jt * e
-            h[1, 0], h[2, 0], h[2, 1] = h[0, 1], h[0, 2], h[1, 2]
+                hxx += w * nx * nx
+                hxy += w * nx * ny
+                hxt += w * nx * jt
+                hyy += w * ny * ny
+                hyt += w * ny * jt
+                htt += w * jt * jt
+                gx += w * nx * e
+                gy += w * ny * e
+                gt += w * jt * e
+            h[0, 0], h[0, 1], h[0, 2], g[0] = hxx, hxy, hxt, gx
+            h[1, 0], h[1, 1], h[1, 2], g[1] = hxy, hyy, hyt, gy
+            h[2, 0], h[2, 1], h[2, 2], g[2] = hxt, hyt, htt, gt
             _forget_open_direction(h, g, open_shares[references[k]])
             overlap[k] = partners / max(used, 1)
             distance[k] = sum_distance / max(partners, 1)
-            information[k] = h
+            for i in range(3):
+                for j in range(3):
+                    information[k, i, j] = held[i, j] = h[i, j]
             if iteration == iterations or partners < rules.fewest_points:
                 break
-            held, pull = h.copy(), g.copy()  # information and gradient with the prior's
-            pull[0] += prior[0] * (x - guesses[k, 0])
-            pull[1] += prior[1] * (y - guesses[k, 1])
-            pull[2] += prior[2] * (heading - guesses[k, 2])
+            g[0] += prior[0] * (x - guesses[k, 0])  # information and gradient with the prior's
+            g[1] += prior[1] * (y - guesses[k, 1])
+            g[2] += prior[2] * (heading - guesses[k, 2])
             for axis in range(3):
                 held[axis, axis] += prior[axis]
-            step = np.linalg.solve(held, pull)
-            x -= step[0]
-            y -= step[1]
-            heading -= step[2]
-            settled = abs(step[0]) + abs(step[1]) < rules.settled_distance and abs(step[2]) < rules.settled_angle
+            _solve(held, g)
+            x -= g[0]
+            y -= g[1]
+            heading -= g[2]
+            settled = abs(g[0]) + abs(g[1]) < rules.settled_distance and abs(g[2]) < rules.settled_angle
             if settled and iteration >= len(gates) - 1:
                 break
         poses[k, 0], poses[k, 1], poses[k, 2] = x, y, heading

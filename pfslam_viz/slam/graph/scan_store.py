@@ -137,6 +137,7 @@ class ScanStore:
         iterations: int,
     ) -> Matches:
         """Match scans ``others`` (k,) against ``references`` (k,); see :func:`match_pairs`."""
+        references, others = np.ascontiguousarray(references), np.ascontiguousarray(others)
 
         def part(k: slice) -> tuple[Array, Array, Array, Array]:
             return match_pairs(

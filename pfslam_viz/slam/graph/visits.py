@@ -3,14 +3,15 @@
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from pfslam_viz.compiling.kernel import kernel
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 
-@njit(cache=True, nogil=True)
+@kernel("f8[:, ::1], f8, i8, i8, f8, i8")
 def earlier_visits(poses: Array, radius: float, apart: int, most: int, turn_length: float, since: int = 0) -> Indices:
     """Pairs (p, 2): for every key scan up to ``most`` earlier ones within ``radius`` m, the nearest of each visit.
 
@@ -35,10 +36,14 @@ def earlier_visits(poses: Array, radius: float, apart: int, most: int, turn_leng
         if not any_near:
             continue
         for _ in range(most):
-            nearest = int(np.argmin(away[:last]))
+            nearest = 0
+            for k in range(1, last):
+                if away[k] < away[nearest]:
+                    nearest = k
             if not away[nearest] < np.inf:
                 break
             found[count, 0], found[count, 1] = nearest, later
             count += 1
-            away[max(0, nearest - apart // 2) : min(last, nearest + apart // 2 + 1)] = np.inf
+            for k in range(max(0, nearest - apart // 2), min(last, nearest + apart // 2 + 1)):
+                away[k] = np.inf
     return found[:count].copy()

@@ -7,26 +7,27 @@ NumPy twins are in ``tests/slam/graph/test_walls.py``.
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from pfslam_viz.compiling.kernel import kernel
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 
 
-@njit(cache=True, nogil=True)
+@kernel("f8[:, ::1], f8[::1], f8")
 def within(points: Floats, center: Floats, distance: float) -> Floats:
     """Those of the points (m, 2) that lie at most ``distance`` from ``center`` (2,), (k, 2)."""
     out = np.empty_like(points)
     k = 0
     for b in range(len(points)):
         if (points[b, 0] - center[0]) ** 2 + (points[b, 1] - center[1]) ** 2 <= distance**2:
-            out[k] = points[b]
+            out[k, 0], out[k, 1] = points[b, 0], points[b, 1]
             k += 1
     return out[:k]
 
 
-@njit(cache=True, nogil=True)
+@kernel("f8[:, :], i8, f8")
 def thinned(points: Floats, most: int, sparse: float) -> Floats:
     """Every so many of the end points (m, 2) that ``most`` are left, and all that lie ``sparse`` m from the last one.
 
@@ -45,7 +46,7 @@ def thinned(points: Floats, most: int, sparse: float) -> Floats:
     return out[:k]
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def beam_increment(points: Floats, lidar_position: Floats) -> float:
     """The median angle between successive end points (m, 2) as seen from the lidar, rad; 0 for fewer than two."""
     if len(points) < 2:
@@ -55,10 +56,43 @@ def beam_increment(points: Floats, lidar_position: Floats) -> float:
         ax, ay = points[b, 0] - lidar_position[0], points[b, 1] - lidar_position[1]
         bx, by = points[b + 1, 0] - lidar_position[0], points[b + 1, 1] - lidar_position[1]
         turns[b] = abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by))
-    return float(np.median(turns))
+    middle = len(turns) // 2
+    upper: float = _select(turns, middle)
+    if len(turns) % 2 == 1:
+        return upper
+    lower: float = turns[0]
+    for b in range(1, middle):
+        lower = max(lower, turns[b])
+    return (lower + upper) / 2.0
 
 
-@njit(cache=True, nogil=True)
+@kernel()
+def _select(values: Floats, k: int) -> float:
+    """The k-th smallest of the values, from 0; it ends at its place, with smaller ones before it (Hoare 1961)."""
+    low, high = 0, len(values) - 1
+    while low < high:
+        pivot = values[(low + high) // 2]
+        i, j = low, high
+        while i <= j:
+            while values[i] < pivot:
+                i += 1
+            while pivot < values[j]:
+                j -= 1
+            if i <= j:
+                values[i], values[j] = values[j], values[i]
+                i += 1
+                j -= 1
+        if k <= j:
+            high = j
+        elif k >= i:
+            low = i
+        else:
+            break
+    found: float = values[k]
+    return found
+
+
+@kernel()
 def wall_normals(
     points: Floats, lidar_position: Floats, reach: float, spacings: float, neighbours: int, flatness: float
 ) -> tuple[Floats, float]:
@@ -82,7 +116,7 @@ def wall_normals(
         n = 1
         sx, sy = points[b, 0], points[b, 1]
         sxx, sxy, syy = sx * sx, sx * sy, sy * sy
-        for side in (-1, 1):
+        for side in range(-1, 2, 2):
             k = b + side
             reached = 0
             while 0 <= k < m and reached < neighbours:
@@ -115,7 +149,7 @@ def wall_normals(
     return out, noise / max(walls, 1)
 
 
-@njit(cache=True, nogil=True)
+@kernel("f8[:, :], f8[::1], f8, f8, i8, f8, f4[:, ::1]")
 def describe(
     points: Floats,
     lidar_position: Floats,
@@ -130,13 +164,14 @@ def describe(
     Bearings are those of successive beams, in [-pi, pi] at first and continued beyond pi; beams may lie more than pi
     apart. Returns the normals' noise, rad².
     """
-    rows[:, :2] = points
-    rows[:, 2:4], noise = wall_normals(points, lidar_position, reach, spacings, neighbours, flatness)
+    normals, noise = wall_normals(points, lidar_position, reach, spacings, neighbours, flatness)
     turns, last = 0.0, 0.0
     for b in range(len(points)):
         bearing = math.atan2(points[b, 1] - lidar_position[1], points[b, 0] - lidar_position[0])
         if b > 0 and bearing - last < -0.1:
             turns += 2.0 * math.pi
         last = bearing
+        rows[b, 0], rows[b, 1] = points[b, 0], points[b, 1]
+        rows[b, 2], rows[b, 3] = normals[b, 0], normals[b, 1]
         rows[b, 4] = bearing + turns
     return noise

@@ -1,10 +1,10 @@
 """The particles' ancestry: whose map and trajectory each of them carries on."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
+from pfslam_viz.compiling.kernel import kernel
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -102,7 +102,7 @@ class History:
         return np.array(self._unknown)[:, None]
 
 
-@njit(cache=True, nogil=True)
+@kernel("f8[:, :, ::1], i8[:, ::1], i8, i8")
 def _descent(poses: Array, parents: Indices, count: int, at: int) -> Array:
     """(count, 3) the poses of particle ``at`` and its ancestors; of ``poses`` (count, N, 3), ``parents`` (count, N)."""
     out = np.empty((count, 3))

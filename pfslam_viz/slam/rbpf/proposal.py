@@ -11,13 +11,13 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from pfslam_viz.compiling.kernel import kernel
 from pfslam_viz.slam.rbpf.tile_kernels import Field, Floats, Index, agreement
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _log_posterior(
     table: Index,
     field: Field,
@@ -50,7 +50,7 @@ def window(covariance: NDArray[np.floating[Any]], apart: Floats, sigmas: float, 
     return np.minimum(steps, most).astype(np.int64)
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def best_start(
     table: Index,
     field: Field,
@@ -67,7 +67,8 @@ def best_start(
 
     The grid has ``starts`` (3,) steps of ``apart`` (2,) m and rad to either side, in the guess's frame.
     """
-    best = guess.copy()
+    best = np.empty(3)
+    best[0], best[1], best[2] = guess[0], guess[1], guess[2]
     top = _log_posterior(table, field, origin, cell, points, temper, guess, prior, guess[0], guess[1], guess[2])
     c, s = math.cos(guess[2]), math.sin(guess[2])
     for i in range(-starts[0], starts[0] + 1):
@@ -83,7 +84,10 @@ def best_start(
     return best
 
 
-@njit(cache=True, nogil=True)
+@kernel(
+    "i4[:, :, ::1], f4[:, :, ::1], i8[::1], f8, f8[:, ::1], f8, f8[:, ::1], f8[:, ::1], i8[::1], f8[::1], f8[::1], "
+    "i8, i8, f8[:, :, ::1], f8[::1]"
+)
 def propose(
     tables: Index,
     field: Field,
@@ -166,7 +170,7 @@ def propose(
     return means, evidence
 
 
-@njit(cache=True, nogil=True)
+@kernel("f8[:, ::1], f8[::1], f8, f8, i8")
 def spread_points(points: Floats, lidar_position: Floats, longest: float, spacing: float, most: int) -> Floats:
     """End points (k, 2) to match, of a scan's (m, 2): within ``longest`` m, ``spacing`` m apart along the wall.
 
@@ -179,13 +183,14 @@ def spread_points(points: Floats, lidar_position: Floats, longest: float, spacin
         if math.hypot(points[b, 0] - lidar_position[0], points[b, 1] - lidar_position[1]) > longest:
             continue
         if count > 0:
-            last = points[kept[count - 1]]
-            if math.hypot(points[b, 0] - last[0], points[b, 1] - last[1]) < spacing:
+            last = kept[count - 1]
+            if math.hypot(points[b, 0] - points[last, 0], points[b, 1] - points[last, 1]) < spacing:
                 continue
         kept[count] = b
         count += 1
     used = min(count, most)
     out = np.empty((used, 2))
     for k in range(used):
-        out[k] = points[kept[k * count // used]]
+        b = kept[k * count // used]
+        out[k, 0], out[k, 1] = points[b, 0], points[b, 1]
     return out

@@ -10,9 +10,9 @@ each map, is in ``tests/slam/rbpf/test_tile_maps.py``.
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from pfslam_viz.compiling.kernel import kernel
 from pfslam_viz.slam.kernels import transform
 
 Floats = NDArray[np.float64]
@@ -24,7 +24,7 @@ SIZE = 1 << BITS  # cells along a tile's edge
 LOW = SIZE - 1
 
 
-@njit(cache=True, nogil=True)
+@kernel("i4[:, ::1], f4[:, :, ::1]")
 def join(table: Index, log_odds: Field) -> Field:
     """The tiles (tiles, 32, 32) that one map's ``table`` (rows, columns) names, as one array."""
     out = np.zeros((table.shape[0] << BITS, table.shape[1] << BITS), np.float32)
@@ -33,11 +33,13 @@ def join(table: Index, log_odds: Field) -> Field:
             tile = table[row, column]
             if tile != 0:
                 top, left = row << BITS, column << BITS
-                out[top : top + SIZE, left : left + SIZE] = log_odds[tile]
+                for i in range(SIZE):
+                    for j in range(SIZE):
+                        out[top + i, left + j] = log_odds[tile, i, j]
     return out
 
 
-@njit(cache=True, nogil=True)
+@kernel("i4[:, ::1], f4[:, :, ::1], i8[::1], f8, f4, f8[::1], f8[:, ::1]")
 def project(
     table: Index,
     log_odds: Field,
@@ -57,7 +59,7 @@ def project(
     return world, hits
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _own(
     table: Index,
     log_odds: Field,
@@ -74,15 +76,19 @@ def _own(
         return tile
     count[0] -= 1
     new: int = free[count[0]]
-    log_odds[new] = log_odds[tile]
-    field[new] = field[tile]
+    for i in range(SIZE):
+        for j in range(SIZE):
+            log_odds[new, i, j], field[new, i, j] = log_odds[tile, i, j], field[tile, i, j]
     references[tile] -= 1
     references[new] = 1
     table[row, column] = new
     return new
 
 
-@njit(cache=True, nogil=True)
+@kernel(
+    "i4[:, :, ::1], f4[:, :, ::1], f4[:, :, ::1], i4[::1], i4[::1], i8[::1], f8[:, ::1], f8[:, ::1], f8[::1], "
+    "i8[::1], f8, f4[:, ::1], f8, f8, f8, f4, i8, i8"
+)
 def write_scans(
     table: Index,
     log_odds: Field,
@@ -178,7 +184,7 @@ def write_scans(
     return len(poses)
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _stamp(
     table: Index,
     log_odds: Field,
@@ -201,7 +207,7 @@ def _stamp(
                 field[tile, r & LOW, c & LOW] = value
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _erase(
     table: Index,
     log_odds: Field,
@@ -236,7 +242,7 @@ def _erase(
                 field[tile, r & LOW, c & LOW] = best
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel(fastmath=True)
 def agreement(
     table: Index,
     field: Field,

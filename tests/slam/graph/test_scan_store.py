@@ -9,6 +9,7 @@ from pfslam_viz.simulation.sensors import true_ranges
 from pfslam_viz.slam.graph.scan_store import Matches, ScanStore, trusted
 from pfslam_viz.slam.graph.settings import LoopClosingConfig, ScanMatchingConfig, SmoothingConfig
 from pfslam_viz.slam.graph.walls import wall_normals
+from tests.kernels import from_python
 
 Array = NDArray[np.float64]
 
@@ -43,11 +44,8 @@ def test_scans_are_kept_one_after_the_other() -> None:
         assert store.size_of(k) == len(scan)
         np.testing.assert_allclose(store.points_of(k), scan, atol=1e-6)
         own = slice(store.first[k], store.first[k + 1])
-        np.testing.assert_allclose(
-            store.normals[own],
-            wall_normals(scan, SENSOR, CONFIG.wall_reach, CONFIG.wall_spacings, 20, 0.1)[0],
-            atol=1e-6,
-        )
+        normals, _ = from_python(wall_normals)(scan, SENSOR, CONFIG.wall_reach, CONFIG.wall_spacings, 20, 0.1)
+        np.testing.assert_allclose(store.normals[own], normals, atol=1e-6)
         np.testing.assert_allclose(store.bearings[own], ANGLES[: len(scan)], atol=1e-5)
 
 

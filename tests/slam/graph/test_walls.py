@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pfslam_viz.slam.graph.walls import beam_increment, describe, thinned, wall_normals, within
+from pfslam_viz.slam.graph import walls
+from pfslam_viz.slam.graph.walls import describe, thinned, within
+from tests.kernels import from_python
 
 Array = NDArray[np.float64]
+
+beam_increment, wall_normals = from_python(walls.beam_increment), from_python(walls.wall_normals)
 
 
 def normals_of(points: Array, sensor: Array, reach: float, spacings: float, neighbours: int, flatness: float) -> Array:

@@ -7,11 +7,14 @@ import pytest
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
-from pfslam_viz.slam.rbpf.proposal import best_start, propose, spread_points, window
-from pfslam_viz.slam.rbpf.tile_kernels import agreement
+from pfslam_viz.slam.rbpf import proposal, tile_kernels
+from pfslam_viz.slam.rbpf.proposal import propose, spread_points, window
 from pfslam_viz.slam.rbpf.tile_maps import TileMaps, TileSettings
+from tests.kernels import from_python
 
 Array = NDArray[np.float64]
+
+best_start, agreement = from_python(proposal.best_start), from_python(tile_kernels.agreement)
 
 TEMPER = 0.2
 ALONE, APART = np.zeros(3, np.int64), np.array([0.1, 0.03])  # no other start than the guess

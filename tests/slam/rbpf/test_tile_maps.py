@@ -10,12 +10,15 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.settings import MapConfig
-from pfslam_viz.slam.rbpf import tile_maps
+from pfslam_viz.slam.rbpf import tile_kernels, tile_maps
 from pfslam_viz.slam.rbpf.settings import RaoBlackwellizedConfig, RbpfConfig
-from pfslam_viz.slam.rbpf.tile_kernels import SIZE, agreement, join
+from pfslam_viz.slam.rbpf.tile_kernels import SIZE, join
 from pfslam_viz.slam.rbpf.tile_maps import TileMaps, TileSettings, field_kernel
+from tests.kernels import from_python
 
 Array = NDArray[np.float64]
+
+agreement = from_python(tile_kernels.agreement)
 Cell = tuple[int, int]
 
 CELL = 0.05
