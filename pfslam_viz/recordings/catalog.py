@@ -1,8 +1,11 @@
 """Recordings by name or path: where they are looked for, and which format's reader is asked for them."""
 
 import os
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from pfslam_viz.errors import InputError
 from pfslam_viz.recordings import formats
@@ -13,6 +16,8 @@ from pfslam_viz.recordings.sources import SOURCES
 
 DEMO = "demo"
 ENVIRONMENT = "PFSLAM_RECORDINGS"
+
+_FIELD = re.compile(r"(lidar|trajectory|relations|frames)\.\w+ ")
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +95,13 @@ def load_place(place: Place, data: Path | None, options: LoadOptions) -> Recordi
         known = place.number or place.name
         hint = f"; {_fetch_hint(known, data or place.path)}" if known in SOURCES else ""
         raise InputError(f"{place.path}: {row.noun} {known} lacks {', '.join(missing)}{hint}")
-    return check(row.reader.load(place, options))
+    with np.errstate(all="ignore"):  # what overflows is found by the checks, and said by them
+        try:
+            return check(row.reader.load(place, options))
+        except InputError as error:
+            if _FIELD.match(str(error)):  # what a value says of itself does not name the file
+                raise InputError(f"{place.chosen_by}: {error}") from None
+            raise
 
 
 def find(name_or_path: str | Path, data: Path | None = None, make_demo: bool = False) -> Place:
