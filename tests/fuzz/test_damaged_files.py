@@ -1,4 +1,4 @@
-"""Files damaged at random: a Recording or one line that names the file, in bounded time and memory, and nothing else."""
+"""Files damaged at random: a Recording or one line that names the file, in bounded time and memory; nothing else."""
 
 import bz2
 import gzip
@@ -22,8 +22,8 @@ LONGEST = 60_000  # ms; for a file of a few kB: what hangs is caught, what is sl
 
 NASTY = (
     "nan", "inf", "-inf", "-1", "0", "1e308", "-1e308", "1e-320", "99999999", "4294967296", "9223372036854775808",
-    "1e19", "0x10", "1_000", "1,5", "٣", "½", "", "\x00", "\ufeff", "\ud7ff", "FLASER", "ROBOTLASER1", "PARAM", "#", "\r",
-    "laser_front_laser_resolution", "1.5.2", "--", "%s%n", "1" * 400,
+    "1e19", "0x10", "1_000", "1,5", "٣", "½", "", "\x00", "\ufeff", "\ud7ff", "FLASER", "ROBOTLASER1", "PARAM", "#",
+    "\r", "laser_front_laser_resolution", "1.5.2", "--", "%s%n", "1" * 400,
 )  # fmt: skip
 
 
@@ -48,7 +48,9 @@ def log(kind: str) -> str:
 @st.composite
 def damaged_logs(draw: st.DrawFn) -> bytes:
     """A log whose words, lines or bytes were changed, taken out, doubled or cut, packed or not."""
-    lines = [line.split(" ") for line in log(draw(st.sampled_from(["FLASER", "ROBOTLASER1", "RAWLASER1"]))).splitlines()]
+    lines = [
+        line.split(" ") for line in log(draw(st.sampled_from(["FLASER", "ROBOTLASER1", "RAWLASER1"]))).splitlines()
+    ]
     for _ in range(draw(st.integers(0, 6))):
         line = draw(st.sampled_from(lines))
         at = draw(st.integers(0, max(len(line) - 1, 0)))
@@ -66,11 +68,13 @@ def damaged_logs(draw: st.DrawFn) -> bytes:
         elif change == "column":
             nasty = draw(st.sampled_from(NASTY))
             for other in lines:
-                if at < len(other) and other[0] == line[:1] or len(other) > 4:
+                if len(other) > 4:
                     other[min(at, len(other) - 1)] = nasty
     text = "\n".join(" ".join(line) for line in lines)
     data = text.encode(draw(st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "latin-1"])), "replace")
-    data = draw(st.sampled_from([bytes, bytes, gzip.compress, bz2.compress]))(data)
+    packing = draw(st.sampled_from(["plain", "plain", "gzip", "bzip2"]))
+    if packing != "plain":
+        data = gzip.compress(data) if packing == "gzip" else bz2.compress(data)
     return damaged(draw, data)
 
 
@@ -162,7 +166,10 @@ def damaged_sets(draw: st.DrawFn) -> dict[str, bytes]:
     out = {}
     for kind, arrays in files.items():
         buffer = io.BytesIO()
-        (np.savez_compressed if draw(st.booleans()) else np.savez)(buffer, **arrays)
+        if draw(st.booleans()):
+            np.savez_compressed(buffer, **arrays)
+        else:
+            np.savez(buffer, **arrays)
         out[f"{kind}7.npz"] = buffer.getvalue()
     victim = draw(st.sampled_from(sorted(out)))
     out[victim] = damaged(draw, out[victim])
@@ -196,7 +203,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Callable[[], Path]:
 
 
 @given(data=damaged_logs(), suffix=st.sampled_from([".log", ".clf", ".log.gz", ".clf.bz2"]))
-@settings(max_examples=120, deadline=LONGEST)
+@settings(max_examples=80, deadline=LONGEST)
 def test_a_damaged_log_is_read_or_refused(data: bytes, suffix: str, folder: Callable[[], Path]) -> None:
     path = folder() / f"drive{suffix}"
     path.write_bytes(data)
@@ -204,7 +211,7 @@ def test_a_damaged_log_is_read_or_refused(data: bytes, suffix: str, folder: Call
 
 
 @given(files=damaged_sets())
-@settings(max_examples=80, deadline=LONGEST)
+@settings(max_examples=60, deadline=LONGEST)
 def test_a_damaged_set_is_read_or_refused(files: dict[str, bytes], folder: Callable[[], Path]) -> None:
     where = folder()
     for name, data in files.items():

@@ -1,6 +1,5 @@
 """Any recording that is accepted is replayed to its end, under any settings, and all that comes out is sound."""
 
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,6 @@ import pfslam_viz as pf
 from pfslam_viz.evaluation.metrics import metrics
 from pfslam_viz.export import export
 from pfslam_viz.recordings.checking.check import check
-from pfslam_viz.recordings.findings import of
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.viewer.sinks import open_sinks
 from pfslam_viz.viewer.stream import replay_stream
@@ -28,7 +26,7 @@ NO_NUMBERS = (np.nan, np.inf, -np.inf, 0.0, -1.0, 1e-30)
 
 @st.composite
 def recordings(draw: st.DrawFn) -> pf.Recording:
-    """Recordings of a few scans: rooms, noise, nothing; stamps, odometry and lidars of every sort, some of it broken."""
+    """Recordings of a few scans: rooms, noise, nothing; stamps, odometry and lidars of every sort, some broken."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     scans, beams = draw(st.integers(1, 14)), draw(st.integers(1, 40))
     range_max = draw(st.sampled_from([0.3, 4.0, 30.0, 80.0]))
@@ -124,10 +122,12 @@ def read_back(folder: Path, result: pf.Result) -> None:
         assert rows.shape == (len(poses), 8) and np.isfinite(rows).all()
         np.testing.assert_allclose(rows[:, 0], result.stamps, rtol=0, atol=1e-5)
         np.testing.assert_allclose(rows[:, 1:3], poses[:, :2], atol=1e-5)
-        np.testing.assert_allclose(2 * np.arctan2(rows[:, 6], rows[:, 7]) % (2 * np.pi), poses[:, 2] % (2 * np.pi), atol=1e-5)
+        np.testing.assert_allclose(
+            2 * np.arctan2(rows[:, 6], rows[:, 7]) % (2 * np.pi), poses[:, 2] % (2 * np.pi), atol=1e-5
+        )
     header, size, depth, pixels = (folder / "map.pgm").read_bytes().split(b"\n", 3)
-    columns, rows_ = map(int, size.split())
-    assert (header, depth, len(pixels)) == (b"P5", b"255", columns * rows_)
+    columns, lines = map(int, size.split())
+    assert (header, depth, len(pixels)) == (b"P5", b"255", columns * lines)
 
 
 def all_finite(path: Path) -> None:

@@ -61,9 +61,7 @@ def known(log_odds: NDArray[np.float32], origin: tuple[int, int]) -> dict[Cell, 
 
 @given(st.lists(SCANS, min_size=1, max_size=6), st.permutations(range(6)))
 @settings(max_examples=40)
-def test_a_grid_that_grows_is_one_that_has_no_end(
-    scans: list[tuple[Array, Array, Array]], other: list[int]
-) -> None:
+def test_a_grid_that_grows_is_one_that_has_no_end(scans: list[tuple[Array, Array, Array]], other: list[int]) -> None:
     """(28): hit cells gain, crossed ones lose, once a scan, within bounds; wherever the drive leads, in any order."""
     config = MapConfig(cell=CELL, log_odds_hit=HIT, log_odds_miss=MISS, log_odds_bound=BOUND)
     expected: dict[Cell, float] = {}
