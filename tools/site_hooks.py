@@ -28,13 +28,11 @@ _LINK = re.compile(r"(?<!!)\[([^\]]+)\]\(([^)#\s]+)(#[^)\s]*)?\)")
 
 def on_config(config: Any) -> Any:
     """Leave out of the navigation what is not there."""
-    docs = Path(config.docs_dir)
+    absent = {name for name in OPTIONAL if not (Path(config.docs_dir) / name).is_file()}
     for section in config.nav:
         for pages in section.values():
             if isinstance(pages, list):
-                pages[:] = [
-                    p for p in pages if not set(p.values()) & set(OPTIONAL) or (docs / [*p.values()][0]).is_file()
-                ]
+                pages[:] = [entry for entry in pages if absent.isdisjoint(entry.values())]
     return config
 
 
@@ -62,7 +60,7 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
         if uri in OPTIONAL and not path.is_file():
             return words
         if uri is not None:
-            start = os.path.dirname(page.file.src_uri) or "."
+            start = Path(page.file.src_uri).parent
             return f"[{words}]({os.path.relpath(uri, start)}{anchor})".replace(os.sep, "/")
         base = os.environ.get("PFSLAM_VIZ_URL", "").rstrip("/")
         return f"[{words}]({base}/blob/main/{inside}{anchor})" if base else words
