@@ -499,4 +499,4 @@ def test_the_readmes_commands_exist(run: Run, line: str) -> None:
 
 def test_the_readme_names_the_test_command_where_ci_looks_for_it() -> None:
     found = re.findall(r"<!-- test command -->\n```bash\n(.+)\n```", (ROOT / "README.md").read_text(encoding="utf-8"))
-    assert found == ["pip install -e '.[dev]' && python -m pytest"]
+    assert found == ["pip install -e '.[dev]' && python -m pytest -n 2 --dist loadfile"]
