@@ -69,7 +69,8 @@ def is_read(descriptor: int) -> bool:
     """Whether the other end of a pipe is still open; True for what is no pipe."""
     looked = select.poll()
     looked.register(descriptor, 0)
-    return not any(event & (select.POLLERR | select.POLLNVAL) for _, event in looked.poll(0))
+    gone = select.POLLERR | select.POLLHUP | select.POLLNVAL  # Linux says the first of a pipe, macOS the second
+    return not any(event & gone for _, event in looked.poll(0))
 
 
 def when_unread(action: Callable[[], None]) -> None:
