@@ -6,6 +6,7 @@ chunk can be read, whatever became of the index behind it.
 """
 
 import bz2
+import os
 import struct
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
@@ -120,7 +121,8 @@ def _read_record(file: BinaryIO) -> tuple[dict[str, bytes], bytes, bool] | None:
     header, _ = _fields(length + file.read(size), 0)
     (size,) = _LENGTH.unpack(file.read(4))
     if _op(header) == _CHUNK:
-        data = file.read(size)
+        left = os.fstat(file.fileno()).st_size - file.tell()
+        data = file.read(min(size, left))  # a damaged size may be of gigabytes, which would be set aside first
         return header, data, len(data) == size
     if _op(header) == _INDEX:  # bags of 2010 state another length than they have
         size = _INDEX_ENTRY * int(_LENGTH.unpack(header["count"])[0])
