@@ -10,7 +10,8 @@ from typing import Any
 
 from pfslam_viz.config import Config, load_config
 from pfslam_viz.errors import InputError
-from pfslam_viz.files import check_writable
+from pfslam_viz.files import check_writable, missing_folders
+from pfslam_viz.outputs import check_recording
 from pfslam_viz.recordings.choice import RecordingChoice as RecordingChoice
 
 
@@ -124,6 +125,14 @@ class SinkChoice:
         if self.save is not None:
             _refuse_film(self.save)
             check_writable(self.save)
+            check_recording(self.save)
+
+    def tell_folder(self, quiet: bool) -> None:
+        """Say so where the file goes into a folder that is to be made: its name may be a slip."""
+        if self.save is not None and not quiet and (missing := missing_folders(self.save)):
+            from pfslam_viz.console import tell
+
+            tell(f"note: {missing[0]} is not there and will be made")
 
     def _check_web(self) -> None:
         from pfslam_viz.viewer.connections import LOOPBACK

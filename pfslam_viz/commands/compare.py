@@ -27,6 +27,7 @@ def run(
     configs = [choice.load() for choice in config_choices]
     chosen.require()
     sinks.check_screen()
+    sinks.tell_folder(quiet)
     started = perf_counter()
     recording = read(chosen, quiet)
     load_kernels(quiet)

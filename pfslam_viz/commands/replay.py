@@ -12,7 +12,9 @@ from pfslam_viz.commands.interrupt import Interrupted, stop_on_interrupt
 from pfslam_viz.commands.progress import load_kernels, replay_progress
 from pfslam_viz.commands.summary import summary
 from pfslam_viz.config import Config
+from pfslam_viz.errors import InputError
 from pfslam_viz.files import check_writable
+from pfslam_viz.outputs import EXPORTED, check_export
 from pfslam_viz.recordings.findings import SEVERITIES, of
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.replay import Replay, Result
@@ -33,12 +35,15 @@ def run(
     started = perf_counter()
     if export is not None:
         check_writable(export, folder=True)
+        check_export(export)
+        _check_apart(sinks.save, export)
     else:
         sinks = sinks.or_viewer()
     sinks.check()
     config = config_choice.load()
     chosen.require()
     sinks.check_screen()
+    sinks.tell_folder(quiet)
     recording = read(chosen, quiet)
     load_kernels(quiet)
     with ExitStack() as stack:
@@ -58,6 +63,17 @@ def run(
         console.results(to_stderr=sinks.stdout).print(shown)
     tell_doubts(recording)
     kept_or_raise(result, [sinks.save, export])
+
+
+def _check_apart(save: Path | None, export: Path) -> None:
+    """Raise InputError where the recording would stand in the way of the export's folder, or in place of its files."""
+    if save is None:
+        return
+    file, folder = save.resolve(), export.resolve()
+    if file == folder or file in folder.parents or (file.parent == folder and file.name in EXPORTED):
+        raise InputError(
+            f"--save {save} and --export {export}: one would stand in the place of the other; name them apart"
+        )
 
 
 def read(chosen: RecordingChoice, quiet: bool) -> Recording:

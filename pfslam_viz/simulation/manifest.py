@@ -14,3 +14,8 @@ def manifest_of(folder: Path) -> dict[str, object] | None:
     except (OSError, ValueError):
         return None
     return manifest if isinstance(manifest, dict) else None
+
+
+def is_simulated(folder: Path) -> bool:
+    """Whether the recording in ``folder`` was made by the simulator, of whatever version."""
+    return {"generator", "building", "seed"} <= (manifest_of(folder) or {}).keys()

@@ -17,13 +17,14 @@ import rerun as rr
 
 from pfslam_viz.errors import InputError, PfslamError
 from pfslam_viz.files import replaced
+from pfslam_viz.outputs import APPLICATION_ID as APPLICATION_ID
+from pfslam_viz.outputs import check_recording
 from pfslam_viz.viewer import stdout_pipe
 from pfslam_viz.viewer.connections import check_answers, serve_at, spawn_viewer
 from pfslam_viz.viewer.destination import Destination
 from pfslam_viz.viewer.stdout_pipe import StdoutPipe
 from pfslam_viz.viewer.web_viewer import web_viewer
 
-APPLICATION_ID = "pfslam-viz"
 FLUSH_SECONDS = 2.0  # a viewer has this long to take a block before it counts as slow
 PATIENCE = 3  # slow blocks in a row before it counts as gone
 WRITE_SECONDS = 30.0  # a disk has this long to take a block; Rerun does not always notice that it cannot
@@ -195,7 +196,8 @@ def open_sinks(
         on_message: called with each of the sink's messages as it comes; by default they go to stderr.
         hold: what keeps a server up once the whole run is over; by default it serves until Ctrl-C.
 
-    Raises InputError for a file that cannot be written, an address that cannot be bound, a URL where nobody answers.
+    Raises InputError for a file that cannot be written, or that is there and is no recording of ours, an address that
+    cannot be bound, a URL where nobody answers.
     """
     sink = Sink(path=save, on_message=on_message or _to_stderr)
     hold = hold or _until_interrupted
@@ -220,6 +222,7 @@ def open_sinks(
     served: str | None = None
     with ExitStack() as web_server, ExitStack() as files:
         if save is not None:
+            check_recording(save, application_id)
             sink._written = files.enter_context(replaced(save))
             to_file = stream(live=False)
             to_file.save(sink._written)
