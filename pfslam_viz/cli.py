@@ -9,12 +9,13 @@ import signal
 import sys
 import traceback
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from pfslam_viz import __version__
+from pfslam_viz import __version__, streams
 from pfslam_viz.commands.options import (
     CAMERA,
     FILTER,
@@ -51,6 +52,7 @@ from pfslam_viz.commands.options import (
     WebOpt,
 )
 from pfslam_viz.errors import PfslamError
+from pfslam_viz.names import readable
 
 PROGRAM = "pfslam-viz"
 
@@ -72,7 +74,7 @@ def examples(*lines: str) -> str:
 
 def _show_version(value: bool) -> None:
     if value:
-        typer.echo(f"{PROGRAM} {__version__}")
+        streams.write_result(f"{PROGRAM} {__version__}\n")
         raise typer.Exit()
 
 
@@ -525,8 +527,14 @@ def call(arguments: Sequence[str]) -> int:
         status = status if isinstance(status, int) else 0
         if status == 130:
             message = "interrupted"
+    try:
+        with streams.full_named():
+            sys.stdout.flush()
+    except PfslamError as error:
+        status, message = status or error.exit_status, message or str(error)
     if message:
-        print(f"{PROGRAM}: {' '.join(message.split())}", file=sys.stderr)
+        with suppress(OSError):  # nobody hears it
+            print(f"{PROGRAM}: {readable(' '.join(message.split()))}", file=sys.stderr)
     return status
 
 
@@ -557,6 +565,7 @@ def _explain(error: Exception, debug: bool) -> tuple[int, str | None]:
 
 def main() -> None:
     """Entry point. Exit status: 0 done, 1 failed while running, 2 wrong use or input, 130 interrupted."""
+    streams.open_all()
     # The garbage collector has next to nothing to find here, and would walk all that was imported again and again.
     gc.set_threshold(500_000)
     # Threads of NumPy's and OpenCV's own cost more than they help with arrays of this size: they spin while they wait.

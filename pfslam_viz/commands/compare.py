@@ -33,6 +33,7 @@ def run(
     load_kernels(quiet)
     with sinks.open() as sink:
         with replay_progress(recording, quiet, "compare", len(configs)) as bar, stop_on_interrupt() as stopped:
+            sink.hurry = stopped
             results = compare(
                 recording, configs, sink, detail.options(), on_step=lambda *_: bar.advance(), stopped=stopped
             )

@@ -48,7 +48,7 @@ def run(
     load_kernels(quiet)
     with ExitStack() as stack:
         with stop_on_interrupt() as stopped:
-            stream = open_stream(stack, recording, config, sinks, detail)
+            stream = open_stream(stack, recording, config, sinks, detail, stopped)
             result, log_seconds = _replay(recording, config, stream, stopped, quiet)
         result.require_map()
         if stream is not None:
@@ -104,14 +104,24 @@ def kept_or_raise(result: Result, outputs: Sequence[Path | None]) -> None:
 
 
 def open_stream(
-    stack: ExitStack, recording: Recording, config: Config, sinks: SinkChoice, detail: DetailChoice
+    stack: ExitStack,
+    recording: Recording,
+    config: Config,
+    sinks: SinkChoice,
+    detail: DetailChoice,
+    stopped: Callable[[], bool] = lambda: False,
 ) -> "ReplayStream | None":
-    """A stream to the chosen sinks, which ``stack`` closes; None where nothing was chosen."""
+    """A stream to the chosen sinks, which ``stack`` closes; None where nothing was chosen.
+
+    ``stopped`` says whether the user wants to end.
+    """
     if not sinks.any:
         return None
     from pfslam_viz.viewer.stream import replay_stream
 
-    return replay_stream(recording, config, stack.enter_context(sinks.open()), detail.options())
+    sink = stack.enter_context(sinks.open())
+    sink.hurry = stopped
+    return replay_stream(recording, config, sink, detail.options())
 
 
 def _replay(

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pfslam_viz.errors import InputError
+from pfslam_viz.names import readable
 from pfslam_viz.recordings import formats
 from pfslam_viz.recordings.checking.check import check, refuse_wrong
 from pfslam_viz.recordings.formats import LoadOptions, Place, format_named, format_of, in_words
@@ -90,7 +91,7 @@ def load_place(place: Place, data: Path | None, options: LoadOptions) -> Recordi
         known = place.number or place.name
         hint = f"; {_fetch_hint(known, data or place.path)}" if known in SOURCES else ""
         raise InputError(f"{place.path}: {row.noun} {known} lacks {', '.join(missing)}{hint}")
-    return check(row.reader.load(place, options))
+    return check(row.reader.load(replace(place, name=readable(place.name)), options))
 
 
 def find(name_or_path: str | Path, data: Path | None = None, make_demo: bool = False) -> Place:
@@ -235,7 +236,7 @@ def _entry(place: Place) -> Entry:
     status = f"incomplete: lacks {', '.join(missing)}" if missing else "here"
     length = (source.length if source else "") if glance.length is None else glance.length
     size = source.size if source and missing else ""
-    return Entry(place.name, place.format, length, glance.sensors, glance.damage or status, size, place.path)
+    return Entry(readable(place.name), place.format, length, glance.sensors, glance.damage or status, size, place.path)
 
 
 def _not_found(name: str, folder: Path, data: Path | None) -> str:

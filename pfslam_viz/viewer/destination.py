@@ -1,11 +1,14 @@
 """One place that a recording goes to, and how it is left in time where it hangs."""
 
 import threading
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import rerun as rr
 
-from pfslam_viz.viewer.stdout_pipe import StdoutPipe
+from pfslam_viz.errors import PfslamError
+from pfslam_viz.viewer.stdout_pipe import LOOK_SECONDS, UNREAD, StdoutPipe
 
 
 @dataclass
@@ -18,6 +21,33 @@ class Destination:
     to_file: bool = False
     pipe: StdoutPipe | None = None
     slow: int = 0
+
+    def flush(self, seconds: Callable[[], float]) -> None:
+        """Wait until what was sent is there. Raises RuntimeError where nothing was taken for so many ``seconds``.
+
+        Of standard output, which may be read slowly, in small portions, between which Ctrl-C gets through.
+        """
+        if self.pipe is None:
+            self.stream.flush(timeout_sec=seconds())
+            return
+        carried, since = self.pipe.carried, time.monotonic()
+        while self.pipe.failure is None:
+            try:
+                self.stream.flush(timeout_sec=LOOK_SECONDS)
+                return
+            except RuntimeError:
+                if self.pipe.carried != carried:
+                    carried, since = self.pipe.carried, time.monotonic()
+                elif time.monotonic() - since > seconds():
+                    raise
+
+    def raise_if_lost(self) -> None:
+        """Raise PfslamError where this is standard output, and it takes no more."""
+        if self.pipe is None or self.pipe.failure is None:
+            return
+        if self.pipe.failure == UNREAD:
+            raise PfslamError("nobody reads standard output any more: the run has ended")
+        raise PfslamError(f"standard output cannot be written: {self.pipe.failure}; what is there is cut off")
 
     def close(self, seconds: float) -> bool:
         """Disconnect; False where it hangs, and is left behind after ``seconds``."""

@@ -17,6 +17,7 @@ import rerun as rr
 
 from pfslam_viz.errors import InputError, PfslamError
 from pfslam_viz.files import replaced
+from pfslam_viz.names import path_for_rerun
 from pfslam_viz.outputs import APPLICATION_ID as APPLICATION_ID
 from pfslam_viz.outputs import check_recording
 from pfslam_viz.viewer import stdout_pipe
@@ -28,6 +29,7 @@ from pfslam_viz.viewer.web_viewer import web_viewer
 FLUSH_SECONDS = 2.0  # a viewer has this long to take a block before it counts as slow
 PATIENCE = 3  # slow blocks in a row before it counts as gone
 WRITE_SECONDS = 30.0  # a disk has this long to take a block; Rerun does not always notice that it cannot
+HURRY_SECONDS = 2.0  # a reader of standard output has this long to go on reading once the user wants to end
 CLOSE_SECONDS = 20.0  # a viewer has this long to take the rest at the end
 
 
@@ -40,12 +42,14 @@ class Sink:
         path: the file that is written, under its final name.
         on_message: called with each message as it is added.
         stopped: the run was stopped before its end; a server does not wait for Ctrl-C then.
+        hurry: says whether the user wants the run to end, so that nobody is waited for who reads nothing.
     """
 
     messages: list[str] = field(default_factory=list)
     path: Path | None = None
     on_message: Callable[[str], None] | None = None
     stopped: bool = False
+    hurry: Callable[[], bool] = lambda: False
     _destinations: list[Destination] = field(default_factory=list)
     _closers: list[Callable[[], None]] = field(default_factory=list)
     _written: Path | None = None
@@ -111,7 +115,7 @@ class Sink:
         self.check_read()
         for d in list(self._destinations):
             try:
-                d.stream.flush(timeout_sec=FLUSH_SECONDS if d.live else WRITE_SECONDS)
+                d.flush(lambda: self._seconds(d))  # noqa: B023 - called at once
                 d.slow = 0
             except RuntimeError as error:
                 d.slow += 1
@@ -125,17 +129,23 @@ class Sink:
                     self._drop(d, "stopped answering")
 
     def check_read(self) -> None:
-        """Drop standard output if nobody reads it any more, without waiting for anything.
+        """Drop standard output if nobody reads it any more or it takes no more, without waiting for anything.
 
         Raises PfslamError where it was the only destination: there is nothing left to run for.
         """
-        for d in [d for d in self._destinations if d.pipe is not None and d.pipe.unread]:
+        for d in [d for d in self._destinations if d.pipe is not None and d.pipe.failure]:
             if len(self._destinations) > 1:
                 self._drop(d, "went away")
                 continue
             self._destinations.remove(d)
             d.close(1.0)
-            raise PfslamError("nobody reads standard output any more: the run has ended")
+            d.raise_if_lost()
+
+    def _seconds(self, destination: Destination) -> float:
+        """How long it is waited for."""
+        if destination.live:
+            return FLUSH_SECONDS
+        return HURRY_SECONDS if destination.pipe is not None and self.hurry() else WRITE_SECONDS
 
     def _drop(self, destination: Destination, why: str) -> None:
         rest = [d for d in self._destinations if d is not destination]
@@ -150,8 +160,10 @@ class Sink:
         self.check()
         for d in [d for d in self._destinations if not d.live]:
             self._destinations.remove(d)
-            if not d.close(WRITE_SECONDS) and d.to_file:
+            closed = d.close(self._seconds(d))
+            if not closed and d.to_file:
                 raise PfslamError(f"{d.name}: could not be completed within {WRITE_SECONDS:.0f} s")
+            d.raise_if_lost()
 
     def _close(self) -> None:
         self._close_files()
@@ -223,9 +235,10 @@ def open_sinks(
     with ExitStack() as web_server, ExitStack() as files:
         if save is not None:
             check_recording(save, application_id)
+            path_for_rerun(save)
             sink._written = files.enter_context(replaced(save))
             to_file = stream(live=False)
-            to_file.save(sink._written)
+            to_file.save(path_for_rerun(sink._written))
             add(str(save), to_file, to_file=True)
         if stdout:
             to_stdout = stream(live=False)
@@ -260,6 +273,7 @@ def open_sinks(
         try:
             yield sink
         except KeyboardInterrupt:
+            sink.hurry = lambda: True
             sink._close()
             files.close()  # without the exception: what was logged so far is kept
             raise

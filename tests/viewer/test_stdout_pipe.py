@@ -43,7 +43,7 @@ def test_bytes_are_carried_as_they_are_and_standard_output_is_given_back(tmp_pat
         from pfslam_viz.viewer.stdout_pipe import StdoutPipe
         pipe = StdoutPipe()
         os.write(1, bytes(range(256)) * 4000)
-        assert pipe.close(10.0) and not pipe.unread
+        assert pipe.close(10.0) and pipe.failure is None
         os.write(1, b"after")
     """
     with (tmp_path / "out").open("wb") as out:
