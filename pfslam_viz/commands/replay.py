@@ -46,23 +46,24 @@ def run(
     sinks.tell_folder(quiet)
     recording = read(chosen, quiet)
     load_kernels(quiet)
-    with ExitStack() as stack:
-        with stop_on_interrupt() as stopped:
+    with stop_on_interrupt() as stopped:
+        with ExitStack() as stack:
             stream = open_stream(stack, recording, config, sinks, detail, stopped)
             result, log_seconds = _replay(recording, config, stream, stopped, quiet)
-        result.require_map()
-        if stream is not None:
-            stream.finish(result)
-        seconds = perf_counter() - started
-    if export is not None and len(result.stamps):
-        with console.status("writing the export", quiet):
-            _export(result, export)
+            result.require_map()
+            if stream is not None:
+                stream.finish(result)
+            seconds = perf_counter() - started
+            early = stopped()
+        if export is not None and len(result.stamps):
+            with console.status("writing the export", quiet):
+                _export(result, export)
     if not quiet:
         left_out = stream.left_out if stream is not None else ()
         shown = summary(result, seconds, log_seconds, sinks.save, left_out)
         console.results(to_stderr=sinks.stdout).print(shown)
     tell_doubts(recording)
-    kept_or_raise(result, [sinks.save, export])
+    kept_or_raise(result, [sinks.save, export], early or (stopped() and not sinks.serve))  # which ends so
 
 
 def _check_apart(save: Path | None, export: Path) -> None:
@@ -94,12 +95,18 @@ def tell_doubts(recording: Recording) -> None:
             console.tell(f"{severity}: {finding.line}")
 
 
-def kept_or_raise(result: Result, outputs: Sequence[Path | None]) -> None:
-    """Raise Interrupted for an interrupted run, with the ``outputs`` that hold what was done."""
-    if not result.interrupted:
+def kept_or_raise(result: Result, outputs: Sequence[Path | None], stopped: bool = False) -> None:
+    """Raise Interrupted for an interrupted run, with the ``outputs`` that hold what was done.
+
+    ``stopped``: the user wanted to end, if only after the last scan.
+    """
+    if not (result.interrupted or stopped):
         return
     kept = [str(path) for path in outputs if path is not None]
-    held = f"; {' and '.join(kept)} {'holds' if len(kept) == 1 else 'hold'} them" if kept else ""
+    held = f"; {' and '.join(kept)} {'holds' if len(kept) == 1 else 'hold'}" if kept else ""
+    if not result.interrupted:
+        raise Interrupted(f"interrupted after the last scan{f'{held} the whole run' if held else ''}")
+    held = f"{held} them" if held else ""
     raise Interrupted(f"interrupted after scan {len(result.stamps)} of {len(result.recording)}{held}")
 
 

@@ -17,6 +17,7 @@ import rerun as rr
 
 from pfslam_viz.errors import InputError, PfslamError
 from pfslam_viz.files import replaced
+from pfslam_viz.interrupts import deferred
 from pfslam_viz.names import path_for_rerun
 from pfslam_viz.outputs import APPLICATION_ID as APPLICATION_ID
 from pfslam_viz.outputs import check_recording
@@ -212,7 +213,7 @@ def open_sinks(
     cannot be bound, a URL where nobody answers.
     """
     sink = Sink(path=save, on_message=on_message or _to_stderr)
-    hold = hold or _until_interrupted
+    hold = hold or (lambda: _until_stopped(sink))
     identity = recording_id or str(uuid4())
 
     def stream(live: bool) -> rr.RecordingStream:
@@ -282,9 +283,10 @@ def open_sinks(
             with suppress(PfslamError):  # what ended the run is what the user must hear of
                 sink._close()
             raise
-        sink._close_files()
-        files.close()
-        if served is not None and not sink.stopped:
+        with deferred():  # the file is complete in a moment, and then it has its name
+            sink._close_files()
+            files.close()
+        if served is not None and not (sink.stopped or sink.hurry()):
             with suppress(KeyboardInterrupt):
                 sink.say(f"the run is over; still serving at {served} until Ctrl-C")
                 hold()
@@ -295,6 +297,7 @@ def _to_stderr(message: str) -> None:
     print(message, file=sys.stderr)
 
 
-def _until_interrupted() -> None:
-    while True:
-        time.sleep(3600)
+def _until_stopped(sink: Sink) -> None:
+    """Until Ctrl-C, which either is raised as ever or waits for us to see it."""
+    while not sink.hurry():
+        time.sleep(0.1)
