@@ -129,6 +129,6 @@ def _is_metrics(folder: Path) -> bool:
         return True
     try:
         values = json.loads((folder / "metrics.json").read_bytes())
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return False
     return isinstance(values, dict) and {"recording", "config", "seed", "path_length_m"} <= values.keys()

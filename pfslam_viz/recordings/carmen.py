@@ -5,7 +5,6 @@ beams than the widest has no return in those it lacks.
 """
 
 import bz2
-import gzip
 import re
 import zlib
 from pathlib import Path
@@ -28,12 +27,12 @@ from pfslam_viz.recordings.carmen_mount import mount
 from pfslam_viz.recordings.carmen_stamps import unwrapped, wrap_period
 from pfslam_viz.recordings.recording import Lidar, Recording, Relations, Stream
 from pfslam_viz.recordings.stamps import order, spread_repeats
+from pfslam_viz.recordings.unpacking import BZIP2, GZIP, is_plain, read_file
 
 Array = NDArray[np.float64]
 
 SUFFIXES = (".log", ".clf", ".gfs")
 COMPRESSED = (".gz", ".bz2")
-_BZIP2, _GZIP = b"BZh", b"\x1f\x8b"
 _MESSAGE = re.compile(
     rb"^\s*(FLASER|RLASER|REARLASER|ROBOTLASER[12]|RAWLASER[12]|LASER_READING|ODOM|PARAM|# message_name)[ \t]",
     re.MULTILINE,
@@ -63,9 +62,9 @@ def looks_like_log(path: Path) -> bool:
     try:
         with path.open("rb") as file:
             head = file.read(1 << 20)
-        if head.startswith(_BZIP2):
+        if head.startswith(BZIP2):
             head = bz2.BZ2Decompressor().decompress(head, 1 << 18)
-        elif head.startswith(_GZIP):
+        elif head.startswith(GZIP):
             head = zlib.decompressobj(wbits=31).decompress(head, 1 << 18)
     except (OSError, EOFError, zlib.error):
         return False
@@ -142,23 +141,10 @@ def _split(path: Path) -> tuple[str, str]:
 
 
 def _read(path: Path) -> bytes:
-    """The text of a log, decompressed by what the file is rather than by what it is called."""
-    try:
-        data = path.read_bytes()
-        if data.startswith(_BZIP2):
-            data = bz2.decompress(data)
-        elif data.startswith(_GZIP):
-            data = gzip.decompress(data)
-        elif path.suffix.lower() in COMPRESSED and data:
-            raise InputError(f"{path}: not a {path.suffix} file; get it again")
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except (EOFError, ValueError, zlib.error, gzip.BadGzipFile):
-        raise InputError(f"{path}: damaged or only half downloaded; get it again") from None
-    except OSError as error:
-        if error.errno is None:  # bz2 reports broken data this way
-            raise InputError(f"{path}: damaged; get it again") from None
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    """The text of a log, unpacked."""
+    if path.suffix.lower() in COMPRESSED and is_plain(path):
+        raise InputError(f"{path}: not a {path.suffix} file; get it again")
+    data = read_file(path, lines=True)
     if not data.strip():
         raise InputError(f"{path}: empty")
     return data

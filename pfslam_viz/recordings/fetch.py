@@ -12,6 +12,7 @@ from pfslam_viz.files import replaced
 from pfslam_viz.recordings import carmen, npz
 from pfslam_viz.recordings.catalog import DEMO, find_named, recordings_dir
 from pfslam_viz.recordings.download import Check, Patience, Request, download_all, has_digest
+from pfslam_viz.recordings.images import is_of_moderate_size
 from pfslam_viz.recordings.sources import SOURCES, RemoteFile, Source
 
 ORIGIN = "https://raw.githubusercontent.com"
@@ -232,6 +233,8 @@ def _check_png(path: Path, shape: tuple[int, ...], dtype: np.dtype[np.generic]) 
     content = path.read_bytes()
     if not content.endswith(_PNG_END):  # OpenCV would fill what is missing with black
         return "not a whole PNG image"
+    if not is_of_moderate_size(content):
+        return "an image of more pixels than any camera has"
     image = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None:
         return "not an image that can be decoded"

@@ -11,7 +11,7 @@ def manifest_of(folder: Path) -> dict[str, object] | None:
     """What the recording in ``folder`` was made with; None if it is not a complete simulated one."""
     try:
         manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return None
     return manifest if isinstance(manifest, dict) else None
 
