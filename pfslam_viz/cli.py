@@ -10,6 +10,7 @@ import sys
 import traceback
 from collections.abc import Sequence
 from contextlib import suppress
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -51,7 +52,7 @@ from pfslam_viz.commands.options import (
     StrideOpt,
     WebOpt,
 )
-from pfslam_viz.errors import PfslamError
+from pfslam_viz.errors import InputError, PfslamError
 from pfslam_viz.names import readable
 
 PROGRAM = "pfslam-viz"
@@ -516,6 +517,7 @@ def call(arguments: Sequence[str]) -> int:
     message: str | None = None
     given = [argument for argument in before if argument != "--debug"] + rest
     try:
+        _refuse_empty(given)
         status = app(given, prog_name=PROGRAM, standalone_mode=False)
     except KeyboardInterrupt:
         status, message = 130, "interrupted"
@@ -536,6 +538,15 @@ def call(arguments: Sequence[str]) -> int:
         with suppress(OSError):  # nobody hears it
             print(f"{PROGRAM}: {readable(' '.join(message.split()))}", file=sys.stderr)
     return status
+
+
+def _refuse_empty(arguments: Sequence[str]) -> None:
+    """Raise InputError for an argument without a character, which as a path would mean the current folder."""
+    for before, argument in pairwise(["", *arguments]):
+        name, equals, value = argument.partition("=") if argument.startswith("--") else ("", "", argument)
+        if (equals or not name) and not value.strip():
+            what = name or (before if before.startswith("-") else "an argument")
+            raise InputError(f"{what} is empty: is a variable of the shell not set? ('.' is the current folder)")
 
 
 def _until_double_dash(arguments: Sequence[str]) -> tuple[list[str], list[str]]:

@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from pfslam_viz.viewer.stream import ReplayStream
 
 
+LOSSES = ("camera: ", "truth: ", "relations: ")
+"""How notes begin that may say that a whole part of a recording is not used; then -q does not hide them."""
+
+
 def run(
     chosen: RecordingChoice,
     config_choice: ConfigChoice,
@@ -81,9 +85,11 @@ def read(chosen: RecordingChoice, quiet: bool) -> Recording:
     """The recording; what was wrong with its files is told, and what is doubtful also to those who want quiet."""
     with console.status(f"reading {chosen.name}", quiet):
         recording = chosen.load()
-    if not quiet:
-        for note in recording.notes:
+    for note in recording.notes:
+        if not quiet:
             console.tell(f"note: {note}")
+        elif note.startswith(LOSSES) and "left out" in note:
+            console.tell(f"warning: {note}")
     tell_doubts(recording)
     return recording
 

@@ -96,6 +96,15 @@ def load_place(place: Place, data: Path | None, options: LoadOptions) -> Recordi
 
 def find(name_or_path: str | Path, data: Path | None = None, make_demo: bool = False) -> Place:
     """Where the recording lies; it may still lack files. Raises InputError as :func:`load_recording` does."""
+    if not str(name_or_path).strip():
+        raise InputError("the recording's name is empty; '.' is the current folder")
+    try:
+        return _find(name_or_path, data, make_demo)
+    except OSError as error:
+        raise InputError(f"{error.filename or name_or_path}: cannot be read: {error.strerror or error}") from None
+
+
+def _find(name_or_path: str | Path, data: Path | None, make_demo: bool) -> Place:
     path = Path(name_or_path)
     folder = recordings_dir() if data is None else data
     if data is not None and not data.is_dir():
@@ -152,6 +161,8 @@ def list_recordings(data: Path | None = None) -> list[Entry]:
     folder = recordings_dir() if data is None else data
     if data is not None and not data.is_dir():
         raise InputError(f"{data}: no such folder to look for recordings in")
+    if folder.is_dir():
+        _require_readable(folder)
     entries = []
     listed = set()
     for name, source in SOURCES.items():
@@ -192,6 +203,7 @@ def _place_at(path: Path, name: str | None = None) -> Place:
             raise InputError(f"{path}: neither {in_words(' nor ')}")
         place = row.reader.place(path, row)
         return replace(place, name=name or place.name)
+    _require_readable(path)
     for row in formats.FORMATS:
         places = row.find(path)
         if len(places) > 1:
@@ -200,6 +212,24 @@ def _place_at(path: Path, name: str | None = None) -> Place:
             own = places[0].name if places[0].path.is_file() else path.resolve().name
             return replace(places[0], name=name or own)
     raise InputError(f"{path}: holds no recording: neither {in_words(' nor ')}")
+
+
+def _require_readable(folder: Path) -> None:
+    """Raise InputError for a folder that may not be listed; the readers take it for one without recordings."""
+    try:
+        next(folder.iterdir(), None)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be read: {error.strerror}") from None
+
+
+def _is_readable(path: Path) -> bool:
+    """Whether a file may be opened; True for what is no file."""
+    try:
+        if path.is_file():
+            path.open("rb").close()
+    except OSError:
+        return False
+    return True
 
 
 def _only_recording(folder: Path) -> Place | None:
@@ -235,6 +265,8 @@ def _entry(place: Place) -> Entry:
     glance, missing = reader.glance(place), reader.missing(place)
     status = f"incomplete: lacks {', '.join(missing)}" if missing else "here"
     length = (source.length if source else "") if glance.length is None else glance.length
+    if not missing and not _is_readable(place.chosen_by):
+        status, glance = f"{place.chosen_by.name} cannot be read", replace(glance, damage="")
     size = source.size if source and missing else ""
     return Entry(readable(place.name), place.format, length, glance.sensors, glance.damage or status, size, place.path)
 
