@@ -4,6 +4,7 @@ import contextlib
 import errno
 import os
 import re
+import shutil
 import sys
 import tempfile
 import time
@@ -15,6 +16,7 @@ from pfslam_viz.errors import InputError, PfslamError
 
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS, errno.ESTALE)
 """What a disk answers that takes no more."""
+_ROOM = 1 << 14  # bytes
 
 
 @contextmanager
@@ -70,9 +72,22 @@ def full_disk_named(path: Path, temporary: Path | None = None) -> Iterator[None]
     except OSError as error:
         named = None if error.filename is None else Path(os.fsdecode(error.filename))
         own = named is None or temporary is None or named == path or temporary in (named, *named.parents)
-        if error.errno not in _FULL or not own:
+        if not own or not is_full(error):
             raise
-        raise PfslamError(f"{path}: cannot be written: {os.strerror(error.errno)}") from None
+        raise PfslamError(f"{path}: cannot be written: {os.strerror(error.errno or 0)}") from None
+
+
+def is_full(error: OSError) -> bool:
+    """Whether an error says that a disk takes no more."""
+    return error.errno in _FULL
+
+
+def is_full_at(path: Path) -> bool:
+    """Whether the disk that ``path`` lies on has no room at all, for us at least. False where that cannot be told."""
+    try:
+        return shutil.disk_usage(path.parent).free < _ROOM
+    except OSError:
+        return False
 
 
 def check_writable(path: Path, folder: bool = False) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 from urllib.parse import urljoin, urlsplit
 
 from pfslam_viz.errors import InputError, PfslamError
-from pfslam_viz.files import replaced
+from pfslam_viz.files import is_full, replaced
 
 # What a check says of a file: None if it is good, else what is wrong with it.
 Check = Callable[[Path], str | None]
@@ -135,7 +135,7 @@ def download(request: Request, stop: threading.Event | None = None, patience: Pa
 
     Raises:
         Unavailable: it is nowhere, the server keeps failing, or the content is wrong.
-        InputError: it cannot be written.
+        InputError: it cannot be written; PfslamError where the disk is full.
     """
     stop, patience = stop or threading.Event(), patience or Patience()
     reason = ""
@@ -177,6 +177,8 @@ def _attempt(url: str, request: Request, meter: Meter, patience: Patience) -> tu
                     raise _Failed(*_explain(error, patience)) from None
                 if isinstance(error, ConnectionError | TimeoutError):
                     raise _Failed("the connection broke off", True) from None
+                if is_full(error):
+                    raise  # which is told with the target's name
                 raise InputError(f"{request.target}: cannot be written: {error.strerror}") from None
             size = temporary.stat().st_size
             if meter.total and size != meter.total:

@@ -118,11 +118,13 @@ class Sink:
             try:
                 d.flush(lambda: self._seconds(d))  # noqa: B023 - called at once
                 d.slow = 0
-            except RuntimeError as error:
+            except (RuntimeError, PfslamError) as error:
                 d.slow += 1
                 if d.to_file:
                     self._destinations.remove(d)
                     d.close(1.0)
+                    if isinstance(error, PfslamError):
+                        raise
                     raise PfslamError(f"{d.name}: cannot be written (is the disk full?): {error}") from None
                 if "timed out" not in str(error) or not d.live:
                     self._drop(d, "went away")
@@ -212,7 +214,7 @@ def open_sinks(
     Raises InputError for a file that cannot be written, or that is there and is no recording of ours, an address that
     cannot be bound, a URL where nobody answers.
     """
-    sink = Sink(path=save, on_message=on_message or _to_stderr)
+    sink = Sink(path=save, on_message=on_message or (lambda message: print(message, file=sys.stderr)))
     hold = hold or (lambda: _until_stopped(sink))
     identity = recording_id or str(uuid4())
 
@@ -227,10 +229,10 @@ def open_sinks(
         name: str,
         opened: rr.RecordingStream,
         live: bool = False,
-        to_file: bool = False,
+        path: Path | None = None,
         pipe: StdoutPipe | None = None,
     ) -> None:
-        sink._destinations.append(Destination(name, opened, live, to_file, pipe))
+        sink._destinations.append(Destination(name, opened, live, path, pipe))
 
     served: str | None = None
     with ExitStack() as web_server, ExitStack() as files:
@@ -240,7 +242,7 @@ def open_sinks(
             sink._written = files.enter_context(replaced(save))
             to_file = stream(live=False)
             to_file.save(path_for_rerun(sink._written))
-            add(str(save), to_file, to_file=True)
+            add(str(save), to_file, path=sink._written)
         if stdout:
             to_stdout = stream(live=False)
             pipe = StdoutPipe() if stdout_pipe.fits() else None
@@ -291,10 +293,6 @@ def open_sinks(
                 sink.say(f"the run is over; still serving at {served} until Ctrl-C")
                 hold()
         sink._close()
-
-
-def _to_stderr(message: str) -> None:
-    print(message, file=sys.stderr)
 
 
 def _until_stopped(sink: Sink) -> None:
