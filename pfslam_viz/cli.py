@@ -568,7 +568,7 @@ def _explain(error: Exception, debug: bool) -> tuple[int, str | None]:
     if isinstance(error, OSError) and error.strerror:
         name = f"{error.filename}: " if error.filename else ""
         return 1, f"{name}{error.strerror}"
-    if isinstance(error, MemoryError):
+    if isinstance(error, MemoryError) or (isinstance(error, ImportError) and "map segment" in str(error)):
         return 1, "out of memory"
     hint = "" if debug else "; --debug shows where"
     return 1, f"{type(error).__name__}: {error}{hint}"
@@ -582,8 +582,8 @@ def main() -> None:
     # Threads of NumPy's and OpenCV's own cost more than they help with arrays of this size: they spin while they wait.
     for threads in ("OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"):
         os.environ.setdefault(threads, "1")
-    # What Rerun says of a file that it cannot write, we say ourselves, in one line and with the file's own name.
-    os.environ.setdefault("RUST_LOG", "warn,re_log_encoding=off,re_sdk=off")
+    # What Rerun says of a file that it cannot write, or a viewer that is gone, we say ourselves, in one line.
+    os.environ.setdefault("RUST_LOG", "warn,re_log_encoding=off,re_sdk=off,re_grpc_client=off")
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # a request to terminate is Ctrl-C: all is put in order
     status = call(sys.argv[1:])
     gc.freeze()  # nor as the interpreter ends, which would take half a second
