@@ -12,6 +12,7 @@ from typing import Any, Literal, TypeVar, get_args, overload
 from pydantic import BaseModel, ValidationError
 
 from pfslam_viz.errors import InputError
+from pfslam_viz.files import read_small
 from pfslam_viz.robot import Robot
 from pfslam_viz.settings import Config
 from pfslam_viz.slam.backends import BACKENDS
@@ -93,7 +94,7 @@ def load_robot(name_or_path: str | Path = "ece276a") -> Robot:
 
 def _read_toml(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(read_small(path).decode("utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: not valid TOML: {error}") from None
     except RecursionError:

@@ -77,6 +77,15 @@ def full_disk_named(path: Path, temporary: Path | None = None) -> Iterator[None]
         raise PfslamError(f"{path}: cannot be written: {os.strerror(error.errno or 0)}") from None
 
 
+def read_small(path: Path, most: int = 16 << 20) -> bytes:
+    """A file that has no reason to be large, such as settings. Raises OSError (EFBIG) where it is."""
+    with path.open("rb") as file:
+        content = file.read(most + 1)
+    if len(content) > most:
+        raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
+    return content
+
+
 def is_full(error: OSError) -> bool:
     """Whether an error says that a disk takes no more."""
     return error.errno in _FULL

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from pfslam_viz.errors import InputError
+from pfslam_viz.files import read_small
 
 APPLICATION_ID = "pfslam-viz"
 PNG_MARK = b"\x00\x00\x00\x13tEXtSoftware\x00pfslam-viz(~\xe6\xb1"
@@ -128,7 +129,7 @@ def _is_metrics(folder: Path) -> bool:
     if (folder / "estimate.tum").is_file():
         return True
     try:
-        values = json.loads((folder / "metrics.json").read_bytes())
+        values = json.loads(read_small(folder / "metrics.json"))
     except (OSError, ValueError, RecursionError):
         return False
     return isinstance(values, dict) and {"recording", "config", "seed", "path_length_m"} <= values.keys()

@@ -5,6 +5,7 @@ beams than the widest has no return in those it lacks.
 """
 
 import bz2
+import io
 import re
 import zlib
 from pathlib import Path
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.errors import InputError
+from pfslam_viz.files import read_small
 from pfslam_viz.recordings.beam_grid import has_usable_beams, on_one_grid
 from pfslam_viz.recordings.carmen_angles import (
     counter_clockwise,
@@ -27,7 +29,7 @@ from pfslam_viz.recordings.carmen_mount import mount
 from pfslam_viz.recordings.carmen_stamps import unwrapped, wrap_period
 from pfslam_viz.recordings.recording import Lidar, Recording, Relations, Stream
 from pfslam_viz.recordings.stamps import order, spread_repeats
-from pfslam_viz.recordings.unpacking import BZIP2, GZIP, is_plain, read_file
+from pfslam_viz.recordings.unpacking import BZIP2, GZIP, SURE, is_plain, read_file
 
 Array = NDArray[np.float64]
 
@@ -234,7 +236,7 @@ def _read_relations(path: Path, notes: list[str]) -> Relations | None:
     if not beside.exists():
         return None
     try:
-        table = np.loadtxt(beside, dtype=np.float64, ndmin=2)
+        table = np.loadtxt(io.BytesIO(read_small(beside, SURE)), dtype=np.float64, ndmin=2)
     except (OSError, ValueError):
         table = np.zeros((0, 0))
     if table.shape[1] != 8 or len(table) == 0 or not np.isfinite(table).all():

@@ -21,9 +21,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pfslam_viz.config import load_config
 from pfslam_viz.errors import InputError
 from pfslam_viz.recordings import carmen, images, npz, unpacking
 from pfslam_viz.recordings.unpacking import TooLarge, read_file
+from pfslam_viz.simulation.manifest import manifest_of
 
 LINE = b"FLASER 181 " + b" ".join([b"2.50"] * 181) + b" 0 0 0 0 0 0 0.1 host 0.1\n"
 NOTHING = b"# nothing\n" * 10_000  # 0.1 MB
@@ -180,6 +182,19 @@ def test_an_image_of_billions_of_pixels_is_not_decoded(tmp_path: Path, monkeypat
         images.read_image(path)
 
 
+def test_settings_and_relations_are_no_large_files(tmp_path: Path) -> None:
+    """Sparse files: they take no room on the disk, and would all in memory."""
+    (tmp_path / "log.clf").write_bytes(LINE)
+    for name in ("log.relations", "huge.toml", "simulation.json"):
+        with (tmp_path / name).open("wb") as file:
+            file.truncate(100 << 20)
+    (note,) = carmen.load(tmp_path / "log.clf").notes
+    assert "log.relations is damaged" in note
+    with pytest.raises(InputError, match=r"huge\.toml: cannot be read: File too large"):
+        load_config(tmp_path / "huge.toml")
+    assert manifest_of(tmp_path) is None
+
+
 @pytest.mark.usefixtures("little")
 @pytest.mark.parametrize("kind", ["bz2", "lz4", "zstd"])
 def test_chunks_of_bags_are_bounded(kind: str) -> None:
@@ -224,6 +239,7 @@ import resource
 from pathlib import Path
 from typing import Any
 from pfslam_viz.recordings import carmen
+from pfslam_viz.config import load_config
 from pfslam_viz.errors import InputError
 size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize() + 200_000_000
 resource.setrlimit(resource.RLIMIT_AS, (size, size))
