@@ -382,12 +382,12 @@ def test_a_failing_run_leaves_no_file(
     def fail() -> None:
         raise error
 
-    (tmp_path / "out.rrd").write_text("an older recording")
+    (tmp_path / "out.rrd").write_text("RRF2 an older recording of pfslam-viz")
     at_scan(25, fail, monkeypatch)
     status, out, err = run(*replay_to(tmp_path / "out.rrd", drive))
     assert (status, out) == (1, "")
     assert message in one_line(err)
-    assert (tmp_path / "out.rrd").read_text() == "an older recording"
+    assert (tmp_path / "out.rrd").read_text() == "RRF2 an older recording of pfslam-viz"
     assert list(tmp_path.iterdir()) == [tmp_path / "out.rrd"]
 
 

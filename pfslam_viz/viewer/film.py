@@ -142,7 +142,10 @@ def film(
                 writer.add(picture)
                 on_picture()
             reports = viewer.reports()
-        writer.close()
+        try:
+            writer.close()
+        except PfslamError as error:
+            raise PfslamError(f"{out}: {error}") from None
     return reports
 
 
