@@ -11,6 +11,7 @@ NAMES = (
     "memory",
     "recording",
     "startup",
+    "digest",
     "logging",
     "accuracy",
     "yardstick",
@@ -19,7 +20,7 @@ NAMES = (
     "report",
     "contact-sheet",
 )
-TELL_THEMSELVES = ("accuracy", "report", "contact-sheet")  # on what machine they ran, or need not
+TELL_THEMSELVES = ("digest", "accuracy", "report", "contact-sheet")  # on what machine they ran, or need not
 
 
 def main() -> None:

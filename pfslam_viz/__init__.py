@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pfslam_viz.replay import Replay, Result
     from pfslam_viz.step import Step
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "Config",

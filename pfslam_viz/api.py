@@ -4,7 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from pfslam_viz.config import Config, load_config
-from pfslam_viz.files import replaced
+from pfslam_viz.files import check_writable, replaced
+from pfslam_viz.outputs import check_recording
 from pfslam_viz.recordings.catalog import load_recording
 from pfslam_viz.recordings.checking.check import check, refuse_wrong
 from pfslam_viz.recordings.recording import Recording
@@ -61,12 +62,15 @@ def save(
     there before as it was.
 
     Raises:
-        InputError: as :func:`run`, or ``path`` cannot be written; before the run starts.
+        InputError: as :func:`run`, or ``path`` cannot be written, or is there and is no Rerun recording of ours;
+            before the run starts.
         PfslamError: the run came out empty; there is no map to look at.
     """
     from pfslam_viz.viewer.sinks import open_sinks
     from pfslam_viz.viewer.stream import replay_stream
 
+    check_writable(Path(path))
+    check_recording(Path(path))
     drive, settings = _recording(recording, force), _config(config)
     with replaced(Path(path)) as unfinished, open_sinks(save=unfinished) as sink:
         stream = replay_stream(drive, settings, sink)

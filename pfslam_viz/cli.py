@@ -9,12 +9,14 @@ import signal
 import sys
 import traceback
 from collections.abc import Sequence
+from contextlib import suppress
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from pfslam_viz import __version__
+from pfslam_viz import __version__, streams
 from pfslam_viz.commands.options import (
     CAMERA,
     FILTER,
@@ -50,7 +52,8 @@ from pfslam_viz.commands.options import (
     StrideOpt,
     WebOpt,
 )
-from pfslam_viz.errors import PfslamError
+from pfslam_viz.errors import InputError, PfslamError
+from pfslam_viz.names import readable
 
 PROGRAM = "pfslam-viz"
 
@@ -72,7 +75,7 @@ def examples(*lines: str) -> str:
 
 def _show_version(value: bool) -> None:
     if value:
-        typer.echo(f"{PROGRAM} {__version__}")
+        streams.write_result(f"{PROGRAM} {__version__}\n")
         raise typer.Exit()
 
 
@@ -524,6 +527,7 @@ def call(arguments: Sequence[str]) -> int:
     message: str | None = None
     given = [argument for argument in before if argument != "--debug"] + rest
     try:
+        _refuse_empty(given)
         status = app(given, prog_name=PROGRAM, standalone_mode=False)
     except KeyboardInterrupt:
         status, message = 130, "interrupted"
@@ -535,11 +539,27 @@ def call(arguments: Sequence[str]) -> int:
         status = status if isinstance(status, int) else 0
         if status == 130:
             message = "interrupted"
+    try:
+        with streams.full_named():
+            sys.stdout.flush()
+    except PfslamError as error:
+        status, message = status or error.exit_status, message or str(error)
     if debug and "pfslam_viz.compiling.cache" in sys.modules:
-        print(f"{PROGRAM}: {sys.modules['pfslam_viz.compiling.cache'].where()}", file=sys.stderr)
+        with suppress(OSError):
+            print(f"{PROGRAM}: {sys.modules['pfslam_viz.compiling.cache'].where()}", file=sys.stderr)
     if message:
-        print(f"{PROGRAM}: {' '.join(message.split())}", file=sys.stderr)
+        with suppress(OSError):  # nobody hears it
+            print(f"{PROGRAM}: {readable(' '.join(message.split()))}", file=sys.stderr)
     return status
+
+
+def _refuse_empty(arguments: Sequence[str]) -> None:
+    """Raise InputError for an argument without a character, which as a path would mean the current folder."""
+    for before, argument in pairwise(["", *arguments]):
+        name, equals, value = argument.partition("=") if argument.startswith("--") else ("", "", argument)
+        if (equals or not name) and not value.strip():
+            what = name or (before if before.startswith("-") else "an argument")
+            raise InputError(f"{what} is empty: is a variable of the shell not set? ('.' is the current folder)")
 
 
 def _until_double_dash(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -561,7 +581,7 @@ def _explain(error: Exception, debug: bool) -> tuple[int, str | None]:
     if isinstance(error, OSError) and error.strerror:
         name = f"{error.filename}: " if error.filename else ""
         return 1, f"{name}{error.strerror}"
-    if isinstance(error, MemoryError):
+    if isinstance(error, MemoryError) or (isinstance(error, ImportError) and "map segment" in str(error)):
         return 1, "out of memory"
     hint = "" if debug else "; --debug shows where"
     return 1, f"{type(error).__name__}: {error}{hint}"
@@ -569,11 +589,14 @@ def _explain(error: Exception, debug: bool) -> tuple[int, str | None]:
 
 def main() -> None:
     """Entry point. Exit status: 0 done, 1 failed while running, 2 wrong use or input, 130 interrupted."""
+    streams.open_all()
     # The garbage collector has next to nothing to find here, and would walk all that was imported again and again.
     gc.set_threshold(500_000)
     # Threads of NumPy's and OpenCV's own cost more than they help with arrays of this size: they spin while they wait.
     for threads in ("OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"):
         os.environ.setdefault(threads, "1")
+    # What Rerun says of a file that it cannot write, or a viewer that is gone, we say ourselves, in one line.
+    os.environ.setdefault("RUST_LOG", "warn,re_log_encoding=off,re_sdk=off,re_grpc_client=off")
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # a request to terminate is Ctrl-C: all is put in order
     status = call(sys.argv[1:])
     gc.freeze()  # nor as the interpreter ends, which would take half a second

@@ -12,6 +12,7 @@ from typing import Any, Literal, TypeVar, get_args, overload
 from pydantic import BaseModel, ValidationError
 
 from pfslam_viz.errors import InputError
+from pfslam_viz.files import read_small
 from pfslam_viz.robot import Robot
 from pfslam_viz.settings import Config
 from pfslam_viz.slam.backends import BACKENDS
@@ -93,9 +94,11 @@ def load_robot(name_or_path: str | Path = "ece276a") -> Robot:
 
 def _read_toml(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(read_small(path).decode("utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: not valid TOML: {error}") from None
+    except RecursionError:
+        raise InputError(f"{path}: not valid TOML: nested too deeply") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
 
@@ -108,7 +111,7 @@ def _apply(values: dict[str, Any], setting: str, source: str) -> tuple[str, ...]
         raise InputError(f"{source}: write it as section.key=value, such as map.cell=0.05")
     try:
         value = tomllib.loads(f"v = {text.strip()}")["v"]
-    except tomllib.TOMLDecodeError:
+    except (tomllib.TOMLDecodeError, RecursionError):
         value = text.strip()
     table = values
     for part in parts[:-1]:

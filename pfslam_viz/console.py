@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from types import TracebackType
+from typing import Any
 
 from rich.console import Console
 from rich.progress import (
@@ -24,6 +25,9 @@ from rich.progress import (
 from rich.table import Column
 from rich.text import Text
 
+from pfslam_viz import streams
+from pfslam_viz.names import readable
+
 PIPE_WIDTH = 120  # columns, where there is no terminal to ask
 
 
@@ -38,14 +42,27 @@ def messages() -> Console:
 
 def tell(message: str) -> None:
     """A remark to the user, a line on stderr."""
-    messages().print(message, markup=False, soft_wrap=True)
+    messages().print(readable(message), markup=False, soft_wrap=True)
+
+
+class _Unread(Console):
+    """A console whose reader may go away: what is printed then is lost, and nothing else."""
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """As ever; raises PfslamError where standard output takes no more."""
+        with streams.full_named():
+            super().print(*objects, **options)
+
+    def on_broken_pipe(self) -> None:
+        self.quiet = True
+        streams.abandon_stdout()
 
 
 def results(to_stderr: bool = False) -> Console:
     """Where results go: stdout, unless that carries data."""
     if to_stderr:
         return messages()
-    return Console(highlight=False, width=None if sys.stdout.isatty() else PIPE_WIDTH)
+    return _Unread(highlight=False, width=None if sys.stdout.isatty() else PIPE_WIDTH)
 
 
 @contextmanager

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz.files import replaced
+from pfslam_viz.outputs import check_export
 from pfslam_viz.replay import Result
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 
@@ -25,8 +26,10 @@ def export(result: Result, out: Path, metrics: Mapping[str, Any]) -> list[Path]:
     ``estimate.tum`` (the whole trajectory as known at the end), ``online.tum`` (each pose as it was estimated then),
     ``dead_reckoning.tum``, and ``truth.tum`` where it is known: a pose of the robot frame for every scan at the
     recording's own stamp, in the frame of the first pose. ``map.pgm`` and ``map.yaml`` for ROS map_server.
-    ``metrics.json`` holds ``metrics``. A file is complete or not there; raises InputError if it cannot be written.
+    ``metrics.json`` holds ``metrics``. A file is complete or not there; raises InputError if it cannot be written, or
+    if a file of one of these names is there that is none of ours.
     """
+    check_export(out)
     trajectories = {
         "estimate": result.estimate,
         "online": result.online,

@@ -25,6 +25,7 @@ from pfslam_viz.figures_layers import (
 )
 from pfslam_viz.figures_page import Figure, write_page
 from pfslam_viz.files import replaced
+from pfslam_viz.outputs import check_figures, marked_png
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.replay import Replay, Result
 from pfslam_viz.step import Step
@@ -87,11 +88,13 @@ def write_figures(
 
     As the paper's figures 1 to 24: dead reckoning's trajectory and map, the filter's, the floor texture, then
     trajectory and map after every ``every`` scans, and the texture after as many; no texture without a camera.
-    ``on_step`` is called after every scan. Raises InputError if matplotlib is missing or a file cannot be written.
+    ``on_step`` is called after every scan. Raises InputError if matplotlib is missing, a file cannot be written, or
+    one is there that is no figure of ours.
     """
     require_matplotlib()
     if every < 1:
         raise InputError(f"--every {every}: must be at least 1")
+    check_figures(out)
     if len(recording) == 0:
         raise InputError(f"{recording.name}: no scans to draw")
     replay = Replay(recording, config)
@@ -172,7 +175,7 @@ def write_png(path: Path, image: Image) -> Path:
     """Write an RGB image (rows, columns, 3)."""
     encoded = cv2.imencode(".png", image[..., ::-1])[1]
     with replaced(path) as temporary:
-        temporary.write_bytes(encoded.tobytes())
+        temporary.write_bytes(marked_png(encoded.tobytes()))
     return path
 
 

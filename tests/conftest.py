@@ -1,5 +1,7 @@
 """Fixtures that every test module may use."""
 
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,6 +14,13 @@ from pfslam_viz.simulation.floor import floor_color
 from pfslam_viz.simulation.world import World
 
 SHARED_DATA = Path(__file__).resolve().parents[1].parent / "shared" / "data"
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Compile the kernels before several processes run tests: numba's cache is not made for two that write at once."""
+    if getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput"):
+        code = "from pfslam_viz.slam.loading import load_kernels; load_kernels()"
+        subprocess.run([sys.executable, "-c", code], check=True)
 
 
 @pytest.fixture(scope="session")

@@ -73,9 +73,9 @@ def test_what_ends_a_run_early_leaves_no_file_and_the_old_one(
         raise ending
 
     monkeypatch.setattr(ReplayStream, "log", stop)
-    (tmp_path / "old.rrd").write_text("old")
+    (tmp_path / "old.rrd").write_text("RRF2 pfslam-viz, old")
     for name in ("old.rrd", "new.rrd"):
         with pytest.raises(ending):
             pf.save(rest, pf.load_config("paper", ["particles=20"]), tmp_path / name)
     assert [file.name for file in tmp_path.iterdir()] == ["old.rrd"]
-    assert (tmp_path / "old.rrd").read_text() == "old"
+    assert (tmp_path / "old.rrd").read_text() == "RRF2 pfslam-viz, old"

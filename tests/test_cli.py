@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import pfslam_viz
 from pfslam_viz import cli
 from pfslam_viz.commands.choices import ConfigChoice, SinkChoice
 from pfslam_viz.config import load_config
@@ -172,7 +173,7 @@ def test_help_of_a_command_has_its_options_and_an_example(run: Run, command: str
 
 
 def test_version(run: Run) -> None:
-    assert run("--version")[:2] == (0, "pfslam-viz 0.1.0\n")
+    assert run("--version")[:2] == (0, f"pfslam-viz {pfslam_viz.__version__}\n")
 
 
 def test_no_command_shows_the_help_and_is_wrong_use(run: Run) -> None:
@@ -382,12 +383,12 @@ def test_a_failing_run_leaves_no_file(
     def fail() -> None:
         raise error
 
-    (tmp_path / "out.rrd").write_text("an older recording")
+    (tmp_path / "out.rrd").write_text("RRF2 an older recording of pfslam-viz")
     at_scan(25, fail, monkeypatch)
     status, out, err = run(*replay_to(tmp_path / "out.rrd", drive))
     assert (status, out) == (1, "")
     assert message in one_line(err)
-    assert (tmp_path / "out.rrd").read_text() == "an older recording"
+    assert (tmp_path / "out.rrd").read_text() == "RRF2 an older recording of pfslam-viz"
     assert list(tmp_path.iterdir()) == [tmp_path / "out.rrd"]
 
 
@@ -480,8 +481,9 @@ def test_a_mistake_is_blamed_on_the_option_that_made_it() -> None:
 
 
 def readme_commands() -> list[str]:
-    """Every pfslam-viz command line in the code blocks of the README and of what it says about sharing."""
-    text = "".join((ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "docs/sharing.md"))
+    """Every pfslam-viz command line in the code blocks of the README and of the documents."""
+    pages = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+    text = "".join(page.read_text(encoding="utf-8") for page in pages)
     blocks = re.findall(r"```(?:bash|sh)\n(.*?)```", text, re.DOTALL)
     lines = "\n".join(blocks).replace("\\\n", " ").splitlines()
     parts = [part.strip() for line in lines for part in re.split(r"&&|\|", line.partition(" #")[0])]
@@ -489,11 +491,13 @@ def readme_commands() -> list[str]:
 
 
 @pytest.mark.parametrize("line", readme_commands())
-def test_the_readmes_commands_exist(line: str) -> None:
+def test_the_readmes_commands_exist(run: Run, line: str) -> None:
     _, command, *arguments = shlex.split(line)
-    assert set(re.findall(r"--[a-z-]+", " ".join(arguments))) <= set(OPTIONS[command].split())
+    status, out, _ = run(command, "--help")
+    assert status == 0
+    assert set(re.findall(r"--[a-z-]+", " ".join(arguments))) <= set(re.findall(r"--[a-z-]+", out))
 
 
 def test_the_readme_names_the_test_command_where_ci_looks_for_it() -> None:
     found = re.findall(r"<!-- test command -->\n```bash\n(.+)\n```", (ROOT / "README.md").read_text(encoding="utf-8"))
-    assert found == ["pip install -e '.[dev]' && python -m pytest"]
+    assert found == ["pip install -e '.[dev]' && python -m pytest -n 2 --dist loadfile"]

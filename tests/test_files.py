@@ -1,13 +1,17 @@
 """A final name never holds half a file."""
 
+import errno
 import os
 import stat
+import sys
 from pathlib import Path
 
 import pytest
 
-from pfslam_viz.errors import InputError
+from pfslam_viz import files
+from pfslam_viz.errors import InputError, PfslamError
 from pfslam_viz.files import check_writable, replaced
+from pfslam_viz.simulation.recording import simulate
 
 
 def test_the_file_appears_when_it_is_complete(tmp_path: Path) -> None:
@@ -99,3 +103,61 @@ def test_check_writable_refuses_a_read_only_folder(tmp_path: Path) -> None:
 def test_check_writable_refuses_a_file_system_that_takes_no_files() -> None:
     with pytest.raises(InputError, match="cannot be written"):
         check_writable(Path("/proc/pfslam/out.rrd"))
+
+
+def part_of(path: Path, number: int = 0, nested: bool = False) -> Path:
+    """A temporary file as a run that was killed leaves it."""
+    mark = f".{number:08d}.part{path.suffix}"
+    part = path.with_name(f".{path.name}{mark}")
+    part = part.with_name(f".{part.name}{mark}") if nested else part
+    part.write_text("half")
+    return part
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs locks on files")
+def test_what_a_killed_run_left_of_the_same_file_is_removed(tmp_path: Path) -> None:
+    path = tmp_path / "out.rrd"
+    stale = [part_of(path, 1), part_of(path, 2, nested=True)]
+    others = [part_of(tmp_path / "other.rrd"), part_of(tmp_path / "out.rrd.bak"), tmp_path / ".out.rrd.mine"]
+    others[-1].write_text("no part")
+    with replaced(path) as temporary:
+        temporary.write_text("new")
+        assert not any(part.exists() for part in stale)
+    assert path.read_text() == "new"
+    assert all(other.exists() for other in others)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs locks on files")
+def test_what_another_run_is_writing_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "out.rrd"
+    with replaced(path) as first:
+        first.write_text("first")
+        files._PARTS.clear()  # as another process, which has not looked yet
+        with replaced(path) as second:
+            second.write_text("second")
+            assert first.exists()
+        assert path.read_text() == "second"
+    assert path.read_text() == "first"
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO])
+def test_a_full_disk_is_told_with_the_file_and_leaves_nothing(tmp_path: Path, number: int) -> None:
+    path = tmp_path / "new" / "out.rrd"
+    with pytest.raises(PfslamError, match=r"new/out\.rrd: cannot be written: .+") as caught, replaced(path):
+        raise OSError(number, os.strerror(number))
+    assert caught.value.exit_status == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_another_files_trouble_is_not_blamed_on_this_one(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="elsewhere"), replaced(tmp_path / "out.rrd"):
+        raise OSError(errno.ENOSPC, "No space left on device", "elsewhere")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs locks on files")
+def test_what_a_killed_simulation_left_is_removed(tmp_path: Path) -> None:
+    stale = tmp_path / ".drive.12345678.part"
+    stale.mkdir()
+    (stale / "Hokuyo1.npz").write_text("half")
+    simulate(tmp_path / "drive", duration=5, frames=False)
+    assert [path.name for path in tmp_path.iterdir()] == ["drive"]

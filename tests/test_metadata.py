@@ -20,7 +20,7 @@ def project() -> dict[str, Any]:
 
 
 def test_the_version_is_written_once_and_cited_alike(project: dict[str, Any]) -> None:
-    assert "version" not in project and project["dynamic"] == ["version"]
+    assert "version" not in project and "version" in project["dynamic"]
     cited = re.findall(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)
     assert cited == [pfslam_viz.__version__]
 

@@ -10,8 +10,11 @@ from typing import Any
 
 from pfslam_viz.config import Config, load_config
 from pfslam_viz.errors import InputError
-from pfslam_viz.files import check_writable
+from pfslam_viz.files import check_writable, missing_folders
+from pfslam_viz.names import path_for_rerun
+from pfslam_viz.outputs import check_recording
 from pfslam_viz.recordings.choice import RecordingChoice as RecordingChoice
+from pfslam_viz.streams import stdout_was_closed
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,11 +122,22 @@ class SinkChoice:
             self._check_web()
         if self.stdout and (live or self.save):
             raise InputError(f"--stdout goes alone, without --{live[0] if live else 'save'}")
+        if self.stdout and stdout_was_closed():
+            raise InputError("--stdout: standard output is closed; redirect it to a file or a program")
         if self.stdout and sys.stdout.isatty():
             raise InputError("--stdout writes binary data: redirect it to a file or a program")
         if self.save is not None:
             _refuse_film(self.save)
             check_writable(self.save)
+            check_recording(self.save)
+            path_for_rerun(self.save)
+
+    def tell_folder(self, quiet: bool) -> None:
+        """Say so where the file goes into a folder that is to be made: its name may be a slip."""
+        if self.save is not None and not quiet and (missing := missing_folders(self.save)):
+            from pfslam_viz.console import tell
+
+            tell(f"note: {missing[0]} is not there and will be made")
 
     def _check_web(self) -> None:
         from pfslam_viz.viewer.connections import LOOPBACK

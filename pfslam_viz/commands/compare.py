@@ -28,10 +28,12 @@ def run(
     configs = [choice.load() for choice in config_choices]
     chosen.require()
     sinks.check_screen()
+    sinks.tell_folder(quiet)
     started = perf_counter()
     recording = read(chosen, quiet)
     with kernels(configs, recording, viewer=True, quiet=quiet), sinks.open() as sink:
         with replay_progress(recording, quiet, "compare", len(configs)) as bar, stop_on_interrupt() as stopped:
+            sink.hurry = stopped
             results = compare(
                 recording, configs, sink, detail.options(), on_step=lambda *_: bar.advance(), stopped=stopped
             )

@@ -2,8 +2,9 @@
 
 from pfslam_viz.config import load_config
 from pfslam_viz.config_text import as_markdown, as_toml
+from pfslam_viz.streams import write_result
 
 
 def run(name: str, settings: tuple[str, ...], markdown: bool) -> None:
     """Print a configuration as TOML, or the reference of all settings as Markdown."""
-    print(as_markdown() if markdown else as_toml(load_config(name, settings)), end="")
+    write_result(as_markdown() if markdown else as_toml(load_config(name, settings)))

@@ -8,7 +8,7 @@ from typing import Any
 
 from rich.table import Table
 
-from pfslam_viz import console
+from pfslam_viz import console, streams
 
 COLUMNS = ("name", "format", "length", "sensors", "status", "size")
 
@@ -69,7 +69,7 @@ def print_json(value: Any) -> None:
     def plain(other: Any) -> Any:
         return other.tolist() if hasattr(other, "tolist") else str(other)
 
-    print(json.dumps(value, indent=2, default=plain))
+    streams.write_result(json.dumps(value, indent=2, default=plain) + "\n")
 
 
 def flatten(value: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:

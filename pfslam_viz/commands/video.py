@@ -8,6 +8,7 @@ from pfslam_viz import console
 from pfslam_viz.commands.interrupt import Interrupted, stop_on_interrupt
 from pfslam_viz.errors import InputError
 from pfslam_viz.files import check_writable
+from pfslam_viz.outputs import check_film
 from pfslam_viz.viewer import film
 from pfslam_viz.viewer.film import LEAST_SIZE, MOST_SIZE, STILLS, Clock, Scene
 from pfslam_viz.viewer.film_writers import ANIMATIONS, VIDEOS, has_h264
@@ -38,6 +39,7 @@ def run(recording: Path, out: Path, view: str, size: str, width: int | None, cho
     chosen.require(still)
     scene = Scene(view, _parse_size(size), width)
     check_writable(out)
+    check_film(out)
     with stop_on_interrupt() as stopped:
 
         def stop() -> None:

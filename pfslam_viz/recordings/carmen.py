@@ -5,7 +5,7 @@ beams than the widest has no return in those it lacks.
 """
 
 import bz2
-import gzip
+import io
 import re
 import zlib
 from pathlib import Path
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.errors import InputError
+from pfslam_viz.files import read_small
 from pfslam_viz.recordings.beam_grid import has_usable_beams, on_one_grid
 from pfslam_viz.recordings.carmen_angles import (
     counter_clockwise,
@@ -28,12 +29,12 @@ from pfslam_viz.recordings.carmen_mount import mount
 from pfslam_viz.recordings.carmen_stamps import unwrapped, wrap_period
 from pfslam_viz.recordings.recording import Lidar, Recording, Relations, Stream
 from pfslam_viz.recordings.stamps import order, spread_repeats
+from pfslam_viz.recordings.unpacking import BZIP2, GZIP, SURE, is_plain, read_file
 
 Array = NDArray[np.float64]
 
 SUFFIXES = (".log", ".clf", ".gfs")
 COMPRESSED = (".gz", ".bz2")
-_BZIP2, _GZIP = b"BZh", b"\x1f\x8b"
 _MESSAGE = re.compile(
     rb"^\s*(FLASER|RLASER|REARLASER|ROBOTLASER[12]|RAWLASER[12]|LASER_READING|ODOM|PARAM|# message_name)[ \t]",
     re.MULTILINE,
@@ -63,9 +64,9 @@ def looks_like_log(path: Path) -> bool:
     try:
         with path.open("rb") as file:
             head = file.read(1 << 20)
-        if head.startswith(_BZIP2):
+        if head.startswith(BZIP2):
             head = bz2.BZ2Decompressor().decompress(head, 1 << 18)
-        elif head.startswith(_GZIP):
+        elif head.startswith(GZIP):
             head = zlib.decompressobj(wbits=31).decompress(head, 1 << 18)
     except (OSError, EOFError, zlib.error):
         return False
@@ -142,23 +143,10 @@ def _split(path: Path) -> tuple[str, str]:
 
 
 def _read(path: Path) -> bytes:
-    """The text of a log, decompressed by what the file is rather than by what it is called."""
-    try:
-        data = path.read_bytes()
-        if data.startswith(_BZIP2):
-            data = bz2.decompress(data)
-        elif data.startswith(_GZIP):
-            data = gzip.decompress(data)
-        elif path.suffix.lower() in COMPRESSED and data:
-            raise InputError(f"{path}: not a {path.suffix} file; get it again")
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except (EOFError, ValueError, zlib.error, gzip.BadGzipFile):
-        raise InputError(f"{path}: damaged or only half downloaded; get it again") from None
-    except OSError as error:
-        if error.errno is None:  # bz2 reports broken data this way
-            raise InputError(f"{path}: damaged; get it again") from None
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    """The text of a log, unpacked."""
+    if path.suffix.lower() in COMPRESSED and is_plain(path):
+        raise InputError(f"{path}: not a {path.suffix} file; get it again")
+    data = read_file(path, lines=True)
     if not data.strip():
         raise InputError(f"{path}: empty")
     return data
@@ -248,7 +236,7 @@ def _read_relations(path: Path, notes: list[str]) -> Relations | None:
     if not beside.exists():
         return None
     try:
-        table = np.loadtxt(beside, dtype=np.float64, ndmin=2)
+        table = np.loadtxt(io.BytesIO(read_small(beside, SURE)), dtype=np.float64, ndmin=2)
     except (OSError, ValueError):
         table = np.zeros((0, 0))
     if table.shape[1] != 8 or len(table) == 0 or not np.isfinite(table).all():

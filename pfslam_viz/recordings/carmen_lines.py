@@ -1,9 +1,10 @@
 """A CARMEN log taken apart into its messages. Nothing here knows what the numbers are for."""
 
+import io
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,7 +70,7 @@ def plain_text(data: bytes) -> bytes:
 def read_messages(text: bytes) -> Messages:
     """Take a log apart, as :func:`plain_text` gives it. Lines of other types are skipped; broken ones are counted."""
     lines: dict[bytes, list[bytes]] = {kind: [] for kind in (*_LAYOUTS, b"ODOM", b"PARAM")}
-    for line in text.splitlines():
+    for line in _lines(text):
         kind, _, rest = line.partition(b" ")
         if not kind:  # indented
             kind, _, rest = line.lstrip().partition(b" ")
@@ -100,6 +101,13 @@ def read_messages(text: bytes) -> Messages:
     return Messages(scans, table, numbers, words, unreadable, not_read, commas)
 
 
+def _lines(text: bytes) -> Iterator[bytes]:
+    """The lines one by one, since a list of all of them takes many times their room where they are short."""
+    if b"\r" in text:
+        text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    return (line.rstrip(b"\n") for line in io.BytesIO(text))
+
+
 def _tier(count: dict[bytes, int]) -> tuple[bytes, ...]:
     """The message types to take scans from.
 
@@ -114,7 +122,7 @@ def _tier(count: dict[bytes, int]) -> tuple[bytes, ...]:
 
 def _laser_kinds(text: bytes) -> dict[str, int]:
     """The types of lines that are called like a laser's but that no layout is known of."""
-    kinds = Counter(line.split(None, 1)[0] for line in text.splitlines() if line.strip())
+    kinds = Counter(line.split(None, 1)[0] for line in _lines(text) if line.strip())
     return {kind.decode(): n for kind, n in kinds.items() if kind not in _LAYOUTS and _LASER_KIND.match(kind)}
 
 

@@ -1,10 +1,14 @@
 """Recordings by name or path: where they are looked for, and which format's reader is asked for them."""
 
 import os
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from pfslam_viz.errors import InputError
+from pfslam_viz.names import readable
 from pfslam_viz.recordings import formats
 from pfslam_viz.recordings.checking.check import check, refuse_wrong
 from pfslam_viz.recordings.formats import LoadOptions, Place, format_named, format_of, in_words
@@ -13,6 +17,8 @@ from pfslam_viz.recordings.sources import SOURCES
 
 DEMO = "demo"
 ENVIRONMENT = "PFSLAM_RECORDINGS"
+
+_FIELD = re.compile(r"(lidar|trajectory|relations|frames)\.\w+ ")
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,11 +96,26 @@ def load_place(place: Place, data: Path | None, options: LoadOptions) -> Recordi
         known = place.number or place.name
         hint = f"; {_fetch_hint(known, data or place.path)}" if known in SOURCES else ""
         raise InputError(f"{place.path}: {row.noun} {known} lacks {', '.join(missing)}{hint}")
-    return check(row.reader.load(place, options))
+    with np.errstate(all="ignore"):  # what overflows is found by the checks, and said by them
+        try:
+            return check(row.reader.load(replace(place, name=readable(place.name)), options))
+        except InputError as error:
+            if _FIELD.match(str(error)):  # what a value says of itself does not name the file
+                raise InputError(f"{place.chosen_by}: {error}") from None
+            raise
 
 
 def find(name_or_path: str | Path, data: Path | None = None, make_demo: bool = False) -> Place:
     """Where the recording lies; it may still lack files. Raises InputError as :func:`load_recording` does."""
+    if not str(name_or_path).strip():
+        raise InputError("the recording's name is empty; '.' is the current folder")
+    try:
+        return _find(name_or_path, data, make_demo)
+    except OSError as error:
+        raise InputError(f"{error.filename or name_or_path}: cannot be read: {error.strerror or error}") from None
+
+
+def _find(name_or_path: str | Path, data: Path | None, make_demo: bool) -> Place:
     path = Path(name_or_path)
     folder = recordings_dir() if data is None else data
     if data is not None and not data.is_dir():
@@ -151,6 +172,8 @@ def list_recordings(data: Path | None = None) -> list[Entry]:
     folder = recordings_dir() if data is None else data
     if data is not None and not data.is_dir():
         raise InputError(f"{data}: no such folder to look for recordings in")
+    if folder.is_dir():
+        _require_readable(folder)
     entries = []
     listed = set()
     for name, source in SOURCES.items():
@@ -191,6 +214,7 @@ def _place_at(path: Path, name: str | None = None) -> Place:
             raise InputError(f"{path}: neither {in_words(' nor ')}")
         place = row.reader.place(path, row)
         return replace(place, name=name or place.name)
+    _require_readable(path)
     for row in formats.FORMATS:
         places = row.find(path)
         if len(places) > 1:
@@ -199,6 +223,24 @@ def _place_at(path: Path, name: str | None = None) -> Place:
             own = places[0].name if places[0].path.is_file() else path.resolve().name
             return replace(places[0], name=name or own)
     raise InputError(f"{path}: holds no recording: neither {in_words(' nor ')}")
+
+
+def _require_readable(folder: Path) -> None:
+    """Raise InputError for a folder that may not be listed; the readers take it for one without recordings."""
+    try:
+        next(folder.iterdir(), None)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be read: {error.strerror}") from None
+
+
+def _is_readable(path: Path) -> bool:
+    """Whether a file may be opened; True for what is no file."""
+    try:
+        if path.is_file():
+            path.open("rb").close()
+    except OSError:
+        return False
+    return True
 
 
 def _only_recording(folder: Path) -> Place | None:
@@ -234,8 +276,10 @@ def _entry(place: Place) -> Entry:
     glance, missing = reader.glance(place), reader.missing(place)
     status = f"incomplete: lacks {', '.join(missing)}" if missing else "here"
     length = (source.length if source else "") if glance.length is None else glance.length
+    if not missing and not _is_readable(place.chosen_by):
+        status, glance = f"{place.chosen_by.name} cannot be read", replace(glance, damage="")
     size = source.size if source and missing else ""
-    return Entry(place.name, place.format, length, glance.sensors, glance.damage or status, size, place.path)
+    return Entry(readable(place.name), place.format, length, glance.sensors, glance.damage or status, size, place.path)
 
 
 def _not_found(name: str, folder: Path, data: Path | None) -> str:

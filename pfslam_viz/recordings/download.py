@@ -11,14 +11,17 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
+from urllib.parse import urljoin, urlsplit
 
 from pfslam_viz.errors import InputError, PfslamError
-from pfslam_viz.files import replaced
+from pfslam_viz.files import is_full, replaced
 
 # What a check says of a file: None if it is good, else what is wrong with it.
 Check = Callable[[Path], str | None]
 
 _CHUNK = 1 << 16
+MOST_BYTES = 256 << 20  # of a file that is to be fetched; the largest has 12 MB
 
 
 class Unavailable(PfslamError):
@@ -41,11 +44,14 @@ class Patience:
 class Meter:
     """What is told of a transfer: ``on_bytes(received, total)``, total 0 if unknown; ``stop`` ends it.
 
+    So do more than ``most`` bytes.
+
     This is the progress bar that pooch asks for.
     """
 
     on_bytes: Callable[[int, int], None]
     stop: threading.Event
+    most: int = MOST_BYTES
     total: int = 0
     received: int = field(default=0, init=False)
 
@@ -53,6 +59,8 @@ class Meter:
         """Count ``size`` bytes more. pooch passes the size of its buffer, so the last call may count too many."""
         if self.stop.is_set():
             raise Unavailable("stopped")
+        if self.received + size > self.most + _CHUNK:
+            raise _Failed(f"more than {self.most >> 20} MB come, which is not what was published", False)
         self.received = min(self.received + size, self.total or self.received + size)
         self.on_bytes(self.received, self.total)
 
@@ -81,13 +89,14 @@ class Request:
     """One file to fetch: the first of ``urls`` that exists, to ``target``.
 
     ``check`` sees the file before it gets its name. ``on_bytes(received, total)`` hears of the progress, from another
-    thread; total is 0 if the server does not say.
+    thread; total is 0 if the server does not say. More than ``most`` bytes are not taken.
     """
 
     urls: Sequence[str]
     target: Path
     check: Check
     on_bytes: Callable[[int, int], None] = lambda received, total: None
+    most: int = MOST_BYTES
 
 
 def download_all(
@@ -121,11 +130,12 @@ def download_all(
 def download(request: Request, stop: threading.Event | None = None, patience: Patience | None = None) -> None:
     """Fetch one file. ``stop`` ends it.
 
-    Server errors (5xx, 408, 429), stalls, broken connections and short bodies are tried again.
+    A redirect to another host, or from https to http, is not followed. Server errors (5xx, 408, 429), stalls, broken
+    connections and short bodies are tried again.
 
     Raises:
         Unavailable: it is nowhere, the server keeps failing, or the content is wrong.
-        InputError: it cannot be written.
+        InputError: it cannot be written; PfslamError where the disk is full.
     """
     stop, patience = stop or threading.Event(), patience or Patience()
     reason = ""
@@ -134,7 +144,7 @@ def download(request: Request, stop: threading.Event | None = None, patience: Pa
         for attempt in range(patience.tries):
             if attempt and stop.wait(patience.pause * 2 ** (attempt - 1)):
                 raise Unavailable(f"{url}: stopped")
-            reason, again = _attempt(url, request, Meter(request.on_bytes, stop), patience)
+            reason, again = _attempt(url, request, Meter(request.on_bytes, stop, request.most), patience)
             if not reason:
                 return
             if not again:
@@ -156,6 +166,7 @@ def _attempt(url: str, request: Request, meter: Meter, patience: Patience) -> tu
         chunk_size=_CHUNK,
         timeout=patience.timeout,
         headers={"Accept-Encoding": "identity"},
+        hooks={"response": _refuse_redirect},
     )
     try:
         with replaced(request.target) as temporary:
@@ -166,6 +177,8 @@ def _attempt(url: str, request: Request, meter: Meter, patience: Patience) -> tu
                     raise _Failed(*_explain(error, patience)) from None
                 if isinstance(error, ConnectionError | TimeoutError):
                     raise _Failed("the connection broke off", True) from None
+                if is_full(error):
+                    raise  # which is told with the target's name
                 raise InputError(f"{request.target}: cannot be written: {error.strerror}") from None
             size = temporary.stat().st_size
             if meter.total and size != meter.total:
@@ -175,6 +188,17 @@ def _attempt(url: str, request: Request, meter: Meter, patience: Patience) -> tu
     except _Failed as failure:
         return failure.reason, failure.again
     return "", False
+
+
+def _refuse_redirect(response: Any, **_: Any) -> None:
+    """Raise _Failed for an answer that points to another host, or from https to http."""
+    if not response.is_redirect:
+        return
+    here, there = urlsplit(response.url), urlsplit(urljoin(response.url, response.headers["location"]))
+    if there.hostname != here.hostname:
+        raise _Failed(f"redirected to another host, {there.hostname}, which is not followed", False)
+    if (here.scheme, there.scheme) not in (("http", "http"), ("http", "https"), ("https", "https")):
+        raise _Failed(f"redirected from {here.scheme} to {there.scheme}, which is not followed", False)
 
 
 class _Failed(Exception):

@@ -12,12 +12,14 @@ from pfslam_viz.files import replaced
 from pfslam_viz.recordings import carmen, npz
 from pfslam_viz.recordings.catalog import DEMO, find_named, recordings_dir
 from pfslam_viz.recordings.download import Check, Patience, Request, download_all, has_digest
+from pfslam_viz.recordings.images import is_of_moderate_size
 from pfslam_viz.recordings.sources import SOURCES, RemoteFile, Source
 
 ORIGIN = "https://raw.githubusercontent.com"
 # So many frames failing before one succeeds means that the server, not a frame, is the matter.
 _HOPELESS = 8
 
+_MOST_FRAME = 8 << 20  # bytes; they have 0.2 to 0.6 MB
 _PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 
 
@@ -171,7 +173,7 @@ def _fetch_frames(
     """The Kinect's images, one progress bar for all of them."""
     frames = _choose_frames(source, folder, every)
     requests = [
-        Request(mirror.urls(file), folder / file.name, check)
+        Request(mirror.urls(file), folder / file.name, check, most=_MOST_FRAME)
         for file, check in frames
         if not (folder / file.name).exists()
     ]
@@ -232,6 +234,8 @@ def _check_png(path: Path, shape: tuple[int, ...], dtype: np.dtype[np.generic]) 
     content = path.read_bytes()
     if not content.endswith(_PNG_END):  # OpenCV would fill what is missing with black
         return "not a whole PNG image"
+    if not is_of_moderate_size(content):
+        return "an image of more pixels than any camera has"
     image = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None:
         return "not an image that can be decoded"

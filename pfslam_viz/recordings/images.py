@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 PNG_START = b"\x89PNG\r\n\x1a\n"
 KEPT = 24  # images
+MOST_PIXELS = 1 << 24  # a camera of 16 megapixels; the Kinect has 0.3
 
 
 class UnusableImage(Exception):
@@ -35,7 +36,7 @@ def read_image(path: Path | None) -> NDArray[np.generic]:
         raise UnusableImage("missing") from None
     except OSError:
         raise UnusableImage("unreadable") from None
-    if not _is_whole_png(data):
+    if not _is_whole_png(data) or not is_of_moderate_size(data):
         raise UnusableImage("unreadable")
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None:
@@ -43,6 +44,12 @@ def read_image(path: Path | None) -> NDArray[np.generic]:
     pixels = np.asarray(image)
     pixels.flags.writeable = False
     return pixels
+
+
+def is_of_moderate_size(data: bytes) -> bool:
+    """Whether a PNG says of itself that it has no more than :data:`MOST_PIXELS`; it may hold none of them."""
+    width, height = (int.from_bytes(data[at : at + 4], "big") for at in (16, 20))
+    return 0 < width * height <= MOST_PIXELS
 
 
 def _is_whole_png(data: bytes) -> bool:

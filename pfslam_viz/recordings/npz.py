@@ -1,5 +1,6 @@
 """Reading ``.npz`` files with errors that a user can act on."""
 
+import math
 import struct
 import tokenize
 import zipfile
@@ -12,9 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz.errors import InputError
+from pfslam_viz.recordings.unpacking import allowance
 
 Array = NDArray[np.float64]
 
+SURE = 256 << 20  # bytes; scans without noise, or of nothing, pack very well
 # What zipfile and NumPy's header parser raise for damaged files, found by damaging files at random; ValueError besides.
 _DAMAGE = (
     zipfile.BadZipFile, zlib.error, EOFError, struct.error, KeyError, RuntimeError, SyntaxError, TypeError,
@@ -47,26 +50,53 @@ def read_arrays(path: Path, required: Iterable[str], optional: Iterable[str] = (
     except _DAMAGE:
         raise InputError(f"{path}: damaged or only half downloaded; get it again") from None
     except ValueError as error:
-        what = "not an .npz file, or damaged" if "pickle" in str(error) else "damaged"
-        raise InputError(f"{path}: {what}; get it again") from None
+        raise InputError(
+            f"{path}: {_what_it_is(path) if 'pickle' in str(error) else 'damaged; get it again'}"
+        ) from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
     return found
 
 
+def _what_it_is(path: Path) -> str:
+    """What to say of a file that is no archive."""
+    with path.open("rb") as file:
+        start = file.read(2)
+    if start[:1] == b"\x80" and start[1:] <= b"\x05":
+        return "is a Python pickle, which could run code and is not read; save its arrays with numpy.savez"
+    return "not an .npz file, or damaged; get it again"
+
+
 def _read(archive: Any, key: str, path: Path) -> NDArray[Any]:
-    try:
-        array: NDArray[Any] = archive[key]
-    except ValueError as error:
-        if "pickle" in str(error):
-            raise InputError(
-                f"{path}: {key} is a Python object array (a pickle), which could run code and is not read; "
-                "save it again as plain numbers"
-            ) from None
-        raise
-    if array.dtype.kind not in "biuf":
-        raise InputError(f"{path}: {key} holds {array.dtype}, not numbers")
+    dtype, size = _declared(archive.zip, key)
+    if dtype.hasobject:
+        raise InputError(
+            f"{path}: {key} is a Python object array (a pickle), which could run code and is not read; "
+            "save it again as plain numbers"
+        )
+    if dtype.kind not in "biuf":
+        raise InputError(f"{path}: {key} holds {dtype}, not numbers")
+    packed = path.stat().st_size
+    if size > allowance(packed, SURE):
+        raise InputError(
+            f"{path}: {key} would unpack to {size / 2**20:,.0f} MB out of a file of {packed / 2**20:.1f} MB, which no"
+            " recording does; if it is one, save it with numpy.savez"
+        )
+    array: NDArray[Any] = archive[key]
     return array
+
+
+def _declared(archive: zipfile.ZipFile, key: str) -> tuple[np.dtype[Any], int]:
+    """An array's type and size in bytes by its header, which must fit its entry in the archive; nothing is unpacked."""
+    name = key if key in archive.namelist() else f"{key}.npy"
+    with archive.open(name) as member:
+        version = np.lib.format.read_magic(member)
+        read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, dtype = read_header(member)
+        size = math.prod(shape) * dtype.itemsize
+        if not dtype.hasobject and size != archive.getinfo(name).file_size - member.tell():
+            raise ValueError("the header does not fit the data")
+    return dtype, max(size, archive.getinfo(name).file_size)
 
 
 def scalar(arrays: dict[str, NDArray[Any]], key: str, path: Path) -> float:

@@ -1,6 +1,5 @@
 """MRPT's ``.rawlog``, plain or gzipped: 2-D laser scans with odometry observations or movements between frames."""
 
-import gzip
 import math
 import zlib
 from collections import Counter
@@ -18,10 +17,10 @@ from pfslam_viz.recordings.rawlog_bytes import Malformed, first_class
 from pfslam_viz.recordings.rawlog_objects import Collection, Movement, Odometry, Scan, other_classes, read_objects
 from pfslam_viz.recordings.recording import Lidar, Recording, Stream
 from pfslam_viz.recordings.stamps import order, spread_repeats
+from pfslam_viz.recordings.unpacking import GZIP, read_file
 
 Array = NDArray[np.float64]
 
-_GZIP = b"\x1f\x8b"
 _RANGE_MIN = 0.05
 # How far from level a scanner may lie for its scans to be taken as horizontal: cos 10 degrees.
 _LEVEL = math.cos(math.radians(10.0))
@@ -50,7 +49,7 @@ def looks_like(path: Path) -> bool:
     try:
         with path.open("rb") as file:
             head = file.read(1 << 12)
-        if head.startswith(_GZIP):
+        if head.startswith(GZIP):
             head = zlib.decompressobj(wbits=31).decompress(head, 1 << 10)
     except (OSError, EOFError, zlib.error):
         return False
@@ -100,16 +99,7 @@ def load(path: Path, name: str | None = None) -> Recording:
 
 
 def _read(path: Path) -> bytes:
-    try:
-        data = path.read_bytes()
-        if data.startswith(_GZIP):
-            data = gzip.decompress(data)
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except (EOFError, zlib.error, gzip.BadGzipFile):
-        raise InputError(f"{path}: damaged or only half downloaded; get it again") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    data = read_file(path)
     if not data:
         raise InputError(f"{path}: empty")
     if first_class(data) is None:

@@ -246,7 +246,13 @@ class Recording:
             lidar_height: m above the ground.
             name: what to call it.
             truth: true poses of the robot, (n, 3) at the scans or a Trajectory with stamps of its own, if known.
-            relations, frames, notes, streams, beam_times, format, path: as in the class.
+            relations: as in the class, like all that follow.
+            frames: the camera's images.
+            notes: what was wrong and how it was handled.
+            streams: every sensor's own stamps.
+            beam_times: (B,) s after the scan's stamp.
+            format: for display.
+            path: where it was read from.
 
         Raises:
             InputError: an array has another shape, or numbers that are none; there are no scans; both kinds of

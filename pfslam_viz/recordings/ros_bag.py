@@ -14,6 +14,7 @@ from typing import Any
 from pfslam_viz.errors import InputError
 from pfslam_viz.recordings.ros_claims import stem, storage_files
 from pfslam_viz.recordings.ros_records import MAGIC, RecordError, RecordReader
+from pfslam_viz.recordings.unpacking import bound_rosbags
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
 ODOMETRY = "nav_msgs/msg/Odometry"
@@ -51,6 +52,7 @@ class Bag:
         self.notes: list[str] = []
         self._stack = ExitStack()
         _need_rosbags(path)
+        bound_rosbags()
         if not path.exists():
             raise InputError(f"{path}: no such file")
         self.ros = 1 if path.suffix.lower() == ".bag" and path.is_file() else 2

@@ -50,7 +50,8 @@ def stem(file: Path) -> str:
 
 def _has_metadata(folder: Path) -> bool:
     try:
-        return b"rosbag2_bagfile_information" in (folder / "metadata.yaml").read_bytes()[:4096]
+        with (folder / "metadata.yaml").open("rb") as file:
+            return b"rosbag2_bagfile_information" in file.read(4096)
     except OSError:
         return False
 

@@ -5,12 +5,14 @@ header of ``name=value`` fields and data; messages and connections lie in chunks
 chunk can be read, whatever became of the index behind it.
 """
 
-import bz2
+import os
 import struct
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
+
+from pfslam_viz.recordings.unpacking import unpack_bz2, unpack_lz4
 
 MAGIC = b"#ROSBAG V2.0\n"
 _MESSAGE, _HEADER, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 4, 5, 6, 7
@@ -120,7 +122,8 @@ def _read_record(file: BinaryIO) -> tuple[dict[str, bytes], bytes, bool] | None:
     header, _ = _fields(length + file.read(size), 0)
     (size,) = _LENGTH.unpack(file.read(4))
     if _op(header) == _CHUNK:
-        data = file.read(size)
+        left = os.fstat(file.fileno()).st_size - file.tell()
+        data = file.read(min(size, left))  # a damaged size may be of gigabytes, which would be set aside first
         return header, data, len(data) == size
     if _op(header) == _INDEX:  # bags of 2010 state another length than they have
         size = _INDEX_ENTRY * int(_LENGTH.unpack(header["count"])[0])
@@ -164,11 +167,9 @@ def _decompress(header: dict[str, bytes], data: bytes, whole: bool) -> bytes:
         return b""
     try:
         if kind == "bz2":
-            return bz2.decompress(data)
+            return unpack_bz2(data)
         if kind == "lz4":
-            import lz4.frame  # type: ignore[import-untyped]  # comes with rosbags
-
-            return bytes(lz4.frame.decompress(data))
+            return unpack_lz4(data)
     except (OSError, ValueError, EOFError, RuntimeError):
         raise RecordError("damaged chunk") from None
     raise RecordError(f"chunks compressed by {kind}")

@@ -2,10 +2,11 @@
 
 import json
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -14,11 +15,12 @@ import numpy as np
 
 from pfslam_viz.config import configs_dir, find_config, load_robot
 from pfslam_viz.errors import InputError
+from pfslam_viz.files import full_disk_named, held, missing_folders, stale_parts
 from pfslam_viz.recordings.robot_beside import BESIDE
 from pfslam_viz.simulation.buildings import build
 from pfslam_viz.simulation.camera_errors import CameraErrors
 from pfslam_viz.simulation.drive import DriveConfig, drive_along
-from pfslam_viz.simulation.manifest import MANIFEST, VERSION, manifest_of
+from pfslam_viz.simulation.manifest import MANIFEST, VERSION, is_simulated
 from pfslam_viz.simulation.sensors import (
     ENCODER_PERIOD,
     FIELD_OF_VIEW,
@@ -72,7 +74,7 @@ def simulate(
         InputError: for a building that does not exist, a number out of range, or a folder with other files.
     """
     _check_options(seed=seed, wheel_scale=wheel_scale, slip=slip, gyro_bias=gyro_bias or 0.0)
-    _check_replaceable(out)
+    check_replaceable(out)
     errors = SensorErrors(wheel_scale=wheel_scale, slip=slip, gyro_bias=gyro_bias)
     plan_rng, drive_rng, wheel_rng, imu_rng, lidar_rng, camera_rng = (
         np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6)
@@ -136,30 +138,54 @@ def _check_options(seed: int, wheel_scale: float, slip: float, gyro_bias: float)
             raise InputError(f"{name} must be from {low} to {high}, not {value}")
 
 
-def _check_replaceable(out: Path) -> None:
+def check_replaceable(out: Path) -> None:
+    """Raise InputError where :func:`simulate` would not make the folder ``out``: it holds files of anybody else's."""
     if out.is_dir():
-        if any(out.iterdir()) and manifest_of(out) is None:
-            raise InputError(f"{out}: holds files that are not a simulated recording; give a new or empty folder")
+        others = [] if is_simulated(out) else sorted(os.listdir(out))  # noqa: PTH208
+        others = others or _strangers(out)
+        if others:
+            raise InputError(
+                f"{out}: holds files that are not a simulated recording, such as {others[0]}; give a new or empty"
+                " folder"
+            )
     elif out.exists():
         raise InputError(f"{out}: is a file; give the folder to make")
+
+
+def _strangers(folder: Path) -> list[str]:
+    """What lies in a simulated recording's folder and is not of it."""
+    own = {f"{kind}{SET}.npz" for kind in ("Encoders", "Hokuyo", "Imu", "Kinect")}
+    own |= {"ground_truth.npz", BESIDE, MANIFEST}
+    frame = re.compile(rf"dataRGBD/(RGB{SET}/rgb{SET}|Disparity{SET}/disparity{SET})_\d+\.png")
+    files = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if not path.is_dir())
+    return sorted(name for name in files if name not in own and not frame.fullmatch(name))
 
 
 @contextmanager
 def _folder_in_place(out: Path) -> Iterator[Path]:
     """A temporary folder beside ``out`` that takes its place on success and is deleted on any failure."""
+    out = out.resolve()
+    made = missing_folders(out)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
+        for part in stale_parts(out):
+            shutil.rmtree(part, ignore_errors=True)
         temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}.", suffix=".part", dir=out.parent))
     except OSError as error:
         raise InputError(f"{out}: cannot be made: {error.strerror}") from None
     try:
-        yield temporary
-        temporary.chmod(0o777 & ~_umask())
-        if out.is_dir():
-            shutil.rmtree(out)
-        temporary.rename(out)
-    finally:
+        with held(temporary), full_disk_named(out, temporary):
+            yield temporary
+            temporary.chmod(0o777 & ~_umask())
+            if out.is_dir():
+                shutil.rmtree(out)
+            temporary.rename(out)
+    except BaseException:
         shutil.rmtree(temporary, ignore_errors=True)
+        with suppress(OSError):
+            for folder in made:
+                folder.rmdir()
+        raise
 
 
 def _umask() -> int:

@@ -54,7 +54,8 @@ class ScanReader:
         ranges = np.ascontiguousarray(ranges, np.float32)
         points = kernels.read_scan(ranges, self.directions, self.lidar_position, self.shortest, self.longest)
         if self.beam_times is not None and twists is not None and twists.any():
-            times = self.beam_times[(ranges >= self.shortest) & (ranges <= self.longest)]
+            exact = ranges.astype(np.float64)  # as the kernel compares them: the limits are not rounded to float32
+            times = self.beam_times[(exact >= self.shortest) & (exact <= self.longest)]
             points = moved(points, times, twists)
         if self.max_beams is not None and len(points) > self.max_beams:
             points = points[np.linspace(0, len(points) - 1, self.max_beams).round().astype(np.intp)]

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from pfslam_viz.errors import InputError
 from pfslam_viz.files import check_writable, replaced
+from pfslam_viz.outputs import check_sweep
 from pfslam_viz.sweep.plan import Cell
 from pfslam_viz.sweep.row import LIBRARIES, NUMBERS, Row, columns
 from pfslam_viz.sweep.trace import Trace, read_trace
@@ -27,6 +28,7 @@ class Results:
         self.folder, self.settings = folder, tuple(settings)
         self.csv, self.parquet = folder / "results.csv", folder / "results.parquet"
         check_writable(self.csv)
+        check_sweep(folder)
         self.rows: list[TextRow] = _read(self.csv)
         self.columns = columns(self.settings)
         self._ready = False  # whether the file has these columns, and no row that is to be run anew

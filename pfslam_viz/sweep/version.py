@@ -12,7 +12,7 @@ PARTS = ("geometry.py", "replay.py", "settings.py", "config.py", "robot.py", "sl
 
 @cache
 def code_version() -> str:
-    """Such as ``0.1.0+3f9a1c02``: the same wherever the same code runs, another one where a result might differ."""
+    """Such as ``0.2.0+3f9a1c02``: the same wherever the same code runs, another one where a result might differ."""
     package = Path(__file__).resolve().parents[1]
     digest = hashlib.sha256()
     for part in PARTS:

@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlsplit
 
 import rerun as rr
@@ -38,6 +39,13 @@ def viewer_binary() -> Path:
     return folder / ("rerun.exe" if sys.platform == "win32" else "rerun")
 
 
+def out_of_reach_of_ctrl_c() -> dict[str, Any]:
+    """What starts a process that the terminal's Ctrl-C does not reach: a session, on Windows a group, of its own."""
+    if sys.platform == "win32":
+        return {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
+    return {"start_new_session": True}
+
+
 def spawn_viewer() -> str:
     """Start a viewer that listens on the loopback only; its URL. It outlives this process and its Ctrl-C."""
     port = PORT if is_free("127.0.0.1", PORT) else free_port("127.0.0.1")
@@ -49,7 +57,7 @@ def spawn_viewer() -> str:
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             env={**os.environ, "RERUN_APP_ONLY": "true"},
-            start_new_session=True,
+            **out_of_reach_of_ctrl_c(),
         )
     except OSError as error:
         raise PfslamError(f"the viewer cannot be started: {command[0]}: {error.strerror}") from None

@@ -113,8 +113,12 @@ def still(
         viewer.settle()
         picture = scaled(viewer.picture_at(step), scene.width)
         on_picture()
-        if not cv2.imwrite(str(temporary), picture, [cv2.IMWRITE_PNG_COMPRESSION, 9]):
-            raise PfslamError(f"{out}: could not be written (is the disk full?)")
+        # Encoded here and written by Python: on Windows OpenCV finds no path with letters outside the code page.
+        done, data = cv2.imencode(".png", picture, [cv2.IMWRITE_PNG_COMPRESSION, 9])
+        try:
+            temporary.write_bytes(data.tobytes() if done else b"")
+        except OSError as error:
+            raise PfslamError(f"{out}: could not be written: {error.strerror}") from None
         return viewer.reports()
 
 
@@ -138,7 +142,10 @@ def film(
                 writer.add(picture)
                 on_picture()
             reports = viewer.reports()
-        writer.close()
+        try:
+            writer.close()
+        except PfslamError as error:
+            raise PfslamError(f"{out}: {error}") from None
     return reports
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz.errors import InputError, PfslamError
-from pfslam_viz.viewer.connections import free_port, viewer_binary
+from pfslam_viz.viewer.connections import free_port, out_of_reach_of_ctrl_c, viewer_binary
 
 START_SECONDS = 60.0
 SETTLE_SECONDS = 1.0  # compressed images decode after the first paint
@@ -175,7 +175,7 @@ def running(
     with output.open("wb") as sink:
         try:
             process = subprocess.Popen(
-                command, env=environment, stdout=sink, stderr=subprocess.STDOUT, start_new_session=True
+                command, env=environment, stdout=sink, stderr=subprocess.STDOUT, **out_of_reach_of_ctrl_c()
             )
         except OSError as error:
             raise PfslamError(f"{command[0]}: cannot be started: {error.strerror}") from None

@@ -17,16 +17,20 @@ import rerun as rr
 
 from pfslam_viz.errors import InputError, PfslamError
 from pfslam_viz.files import replaced
+from pfslam_viz.interrupts import deferred
+from pfslam_viz.names import path_for_rerun
+from pfslam_viz.outputs import APPLICATION_ID as APPLICATION_ID
+from pfslam_viz.outputs import check_recording
 from pfslam_viz.viewer import stdout_pipe
 from pfslam_viz.viewer.connections import check_answers, serve_at, spawn_viewer
 from pfslam_viz.viewer.destination import Destination
 from pfslam_viz.viewer.stdout_pipe import StdoutPipe
 from pfslam_viz.viewer.web_viewer import web_viewer
 
-APPLICATION_ID = "pfslam-viz"
 FLUSH_SECONDS = 2.0  # a viewer has this long to take a block before it counts as slow
 PATIENCE = 3  # slow blocks in a row before it counts as gone
 WRITE_SECONDS = 30.0  # a disk has this long to take a block; Rerun does not always notice that it cannot
+HURRY_SECONDS = 2.0  # a reader of standard output has this long to go on reading once the user wants to end
 CLOSE_SECONDS = 20.0  # a viewer has this long to take the rest at the end
 
 
@@ -39,12 +43,14 @@ class Sink:
         path: the file that is written, under its final name.
         on_message: called with each message as it is added.
         stopped: the run was stopped before its end; a server does not wait for Ctrl-C then.
+        hurry: says whether the user wants the run to end, so that nobody is waited for who reads nothing.
     """
 
     messages: list[str] = field(default_factory=list)
     path: Path | None = None
     on_message: Callable[[str], None] | None = None
     stopped: bool = False
+    hurry: Callable[[], bool] = lambda: False
     _destinations: list[Destination] = field(default_factory=list)
     _closers: list[Callable[[], None]] = field(default_factory=list)
     _written: Path | None = None
@@ -110,13 +116,15 @@ class Sink:
         self.check_read()
         for d in list(self._destinations):
             try:
-                d.stream.flush(timeout_sec=FLUSH_SECONDS if d.live else WRITE_SECONDS)
+                d.flush(lambda: self._seconds(d))  # noqa: B023 - called at once
                 d.slow = 0
-            except RuntimeError as error:
+            except (RuntimeError, PfslamError) as error:
                 d.slow += 1
                 if d.to_file:
                     self._destinations.remove(d)
                     d.close(1.0)
+                    if isinstance(error, PfslamError):
+                        raise
                     raise PfslamError(f"{d.name}: cannot be written (is the disk full?): {error}") from None
                 if "timed out" not in str(error) or not d.live:
                     self._drop(d, "went away")
@@ -124,17 +132,23 @@ class Sink:
                     self._drop(d, "stopped answering")
 
     def check_read(self) -> None:
-        """Drop standard output if nobody reads it any more, without waiting for anything.
+        """Drop standard output if nobody reads it any more or it takes no more, without waiting for anything.
 
         Raises PfslamError where it was the only destination: there is nothing left to run for.
         """
-        for d in [d for d in self._destinations if d.pipe is not None and d.pipe.unread]:
+        for d in [d for d in self._destinations if d.pipe is not None and d.pipe.failure]:
             if len(self._destinations) > 1:
                 self._drop(d, "went away")
                 continue
             self._destinations.remove(d)
             d.close(1.0)
-            raise PfslamError("nobody reads standard output any more: the run has ended")
+            d.raise_if_lost()
+
+    def _seconds(self, destination: Destination) -> float:
+        """How long it is waited for."""
+        if destination.live:
+            return FLUSH_SECONDS
+        return HURRY_SECONDS if destination.pipe is not None and self.hurry() else WRITE_SECONDS
 
     def _drop(self, destination: Destination, why: str) -> None:
         rest = [d for d in self._destinations if d is not destination]
@@ -149,8 +163,10 @@ class Sink:
         self.check()
         for d in [d for d in self._destinations if not d.live]:
             self._destinations.remove(d)
-            if not d.close(WRITE_SECONDS) and d.to_file:
+            closed = d.close(self._seconds(d))
+            if not closed and d.to_file:
                 raise PfslamError(f"{d.name}: could not be completed within {WRITE_SECONDS:.0f} s")
+            d.raise_if_lost()
 
     def _close(self) -> None:
         self._close_files()
@@ -195,10 +211,11 @@ def open_sinks(
         on_message: called with each of the sink's messages as it comes; by default they go to stderr.
         hold: what keeps a server up once the whole run is over; by default it serves until Ctrl-C.
 
-    Raises InputError for a file that cannot be written, an address that cannot be bound, a URL where nobody answers.
+    Raises InputError for a file that cannot be written, or that is there and is no recording of ours, an address that
+    cannot be bound, a URL where nobody answers.
     """
-    sink = Sink(path=save, on_message=on_message or _to_stderr)
-    hold = hold or _until_interrupted
+    sink = Sink(path=save, on_message=on_message or (lambda message: print(message, file=sys.stderr)))
+    hold = hold or (lambda: _until_stopped(sink))
     identity = recording_id or str(uuid4())
 
     def stream(live: bool) -> rr.RecordingStream:
@@ -212,18 +229,20 @@ def open_sinks(
         name: str,
         opened: rr.RecordingStream,
         live: bool = False,
-        to_file: bool = False,
+        path: Path | None = None,
         pipe: StdoutPipe | None = None,
     ) -> None:
-        sink._destinations.append(Destination(name, opened, live, to_file, pipe))
+        sink._destinations.append(Destination(name, opened, live, path, pipe))
 
     served: str | None = None
     with ExitStack() as web_server, ExitStack() as files:
         if save is not None:
+            check_recording(save, application_id)
+            path_for_rerun(save)
             sink._written = files.enter_context(replaced(save))
             to_file = stream(live=False)
-            to_file.save(sink._written)
-            add(str(save), to_file, to_file=True)
+            to_file.save(path_for_rerun(sink._written))
+            add(str(save), to_file, path=sink._written)
         if stdout:
             to_stdout = stream(live=False)
             pipe = StdoutPipe() if stdout_pipe.fits() else None
@@ -257,6 +276,7 @@ def open_sinks(
         try:
             yield sink
         except KeyboardInterrupt:
+            sink.hurry = lambda: True
             sink._close()
             files.close()  # without the exception: what was logged so far is kept
             raise
@@ -265,19 +285,17 @@ def open_sinks(
             with suppress(PfslamError):  # what ended the run is what the user must hear of
                 sink._close()
             raise
-        sink._close_files()
-        files.close()
-        if served is not None and not sink.stopped:
+        with deferred():  # the file is complete in a moment, and then it has its name
+            sink._close_files()
+            files.close()
+        if served is not None and not (sink.stopped or sink.hurry()):
             with suppress(KeyboardInterrupt):
                 sink.say(f"the run is over; still serving at {served} until Ctrl-C")
                 hold()
         sink._close()
 
 
-def _to_stderr(message: str) -> None:
-    print(message, file=sys.stderr)
-
-
-def _until_interrupted() -> None:
-    while True:
-        time.sleep(3600)
+def _until_stopped(sink: Sink) -> None:
+    """Until Ctrl-C, which either is raised as ever or waits for us to see it."""
+    while not sink.hurry():
+        time.sleep(0.1)

@@ -1,9 +1,10 @@
 """Standard output that may lose its reader: Rerun's own way of writing there waits for ever then, and so does its end.
 
 Rerun writes into a pipe of ours instead, and a thread carries that over to the real standard output. Once nobody reads
-there, the thread goes on emptying the pipe into nothing, so that nobody has to wait.
+there, or its disk is full, the thread goes on emptying the pipe into nothing, so that nobody has to wait.
 """
 
+import errno
 import os
 import select
 import sys
@@ -14,25 +15,27 @@ from contextlib import suppress
 STDOUT = 1
 BLOCK = 1 << 16  # bytes carried at once: what a pipe holds
 LOOK_SECONDS = 0.2  # how often it is looked whether somebody still reads
+UNREAD = "nobody reads it any more"
 
 
 class StdoutPipe:
-    """File descriptor 1 is a pipe of ours from the construction to :meth:`close`."""
+    """File descriptor 1 is a pipe of ours from the construction to :meth:`close`.
+
+    Attributes:
+        carried: how many bytes have come to the real standard output.
+        failure: why it takes no more; None as long as it does.
+    """
 
     def __init__(self) -> None:
         sys.stdout.flush()
+        self.carried = 0
+        self.failure: str | None = None
         self._real = os.dup(STDOUT)
         self._reading, writing = os.pipe()
         os.dup2(writing, STDOUT)
         os.close(writing)
-        self._unread = threading.Event()
         self._thread = threading.Thread(target=self._carry, name="standard-output", daemon=True)
         self._thread.start()
-
-    @property
-    def unread(self) -> bool:
-        """Whether the reader went away."""
-        return self._unread.is_set()
 
     def close(self, seconds: float) -> bool:
         """Give standard output back, once everything was carried over; False where that took too long."""
@@ -44,18 +47,23 @@ class StdoutPipe:
 
     def _carry(self) -> None:
         while True:
-            if not self.unread and not is_read(self._real):
-                self._unread.set()
+            if self.failure is None and not is_read(self._real):
+                self.failure = UNREAD
             if not select.select([self._reading], [], [], LOOK_SECONDS)[0]:
                 continue
             block = os.read(self._reading, BLOCK)
             if not block:
                 break
-            while block and not self.unread:
+            while block and self.failure is None:
                 try:
-                    block = block[os.write(self._real, block) :]
-                except OSError:  # EPIPE; or a disk that is full, which is no better
-                    self._unread.set()
+                    written = os.write(self._real, block)
+                except BlockingIOError:  # whoever started us wanted it so
+                    select.select([], [self._real], [], LOOK_SECONDS)
+                except OSError as error:
+                    self.failure = UNREAD if error.errno == errno.EPIPE else error.strerror or str(error)
+                else:
+                    block = block[written:]
+                    self.carried += written
         os.close(self._reading)
         os.close(self._real)
 
@@ -69,7 +77,8 @@ def is_read(descriptor: int) -> bool:
     """Whether the other end of a pipe is still open; True for what is no pipe."""
     looked = select.poll()
     looked.register(descriptor, 0)
-    return not any(event & (select.POLLERR | select.POLLNVAL) for _, event in looked.poll(0))
+    gone = select.POLLERR | select.POLLHUP | select.POLLNVAL  # Linux says the first of a pipe, macOS the second
+    return not any(event & gone for _, event in looked.poll(0))
 
 
 def when_unread(action: Callable[[], None]) -> None:

@@ -185,3 +185,10 @@ def test_shared_data(shared_data: Path) -> None:
     assert load_recording("fr079", shared_data / "carmen").relations is not None
     with pytest.raises(InputError, match=r"lacks Hokuyo23\.npz"):
         load_recording("23", shared_data / "ece276a")
+
+
+def test_what_a_value_says_of_itself_is_said_with_the_file(tmp_path: Path) -> None:
+    log = tmp_path / "near.clf"
+    log.write_text("PARAM robot_front_laser_max 0.01\nFLASER 3 1 1 1 0 0 0 0 0 0 1.0 host 1.0\n")
+    with pytest.raises(InputError, match=r"near\.clf: lidar\.range_min is 0\.05 m and lidar\.range_max 0\.01 m"):
+        load_recording(log)

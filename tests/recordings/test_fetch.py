@@ -6,13 +6,16 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
 
 from pfslam_viz.errors import InputError, PfslamError
+from pfslam_viz.recordings import download as downloading
 from pfslam_viz.recordings import fetch as fetching
 from pfslam_viz.recordings.download import Meter, Patience, Request, Unavailable, download, has_digest
 from pfslam_viz.recordings.fetch import check_color, check_disparity, fetch
@@ -405,3 +408,52 @@ def test_pinned_hashes_fit_the_real_files(shared_data: Path) -> None:
                 assert file.digest is not None and has_digest(path, file.digest), path
                 checked += 1
     assert checked == 12
+
+
+def test_a_redirect_to_another_host_is_not_followed(server: Server, tmp_path: Path) -> None:
+    """The other host is this machine by another name, so that a request would be seen."""
+    other = server.url.replace("127.0.0.1", "localhost")
+    server.answers["/y"] = GOOD
+    for path, to in (("/x", f"{other}/y"), ("/z", "//localhost/y")):
+        server.answers[path] = lambda handler, to=to: redirect_to(handler, to)  # type: ignore[misc]
+    for path in ("/x", "/z"):
+        with pytest.raises(Unavailable, match="redirected to another host, localhost, which is not followed"):
+            get(server, path, tmp_path / "x")
+    assert (server.asked["/x"], server.asked["/y"]) == (1, 0)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("here", "there", "followed"),
+    [
+        ("https://a.org/x", "http://a.org/x", False),
+        ("https://a.org/x", "https://a.org/y", True),
+        ("http://a.org/x", "https://a.org/x", True),
+        ("https://a.org/x", "ftp://a.org/x", False),
+        ("https://a.org/x", "https://a.org.evil.com/x", False),
+        ("https://a.org/x", "https://a.org@evil.com/x", False),
+        ("https://a.org/x", "/y", True),
+    ],
+)
+def test_which_redirects_are_followed(here: str, there: str, followed: bool) -> None:
+    response = SimpleNamespace(is_redirect=True, url=here, headers={"location": there})
+    if followed:
+        downloading._refuse_redirect(response)
+    else:
+        with pytest.raises(downloading._Failed, match="not followed"):
+            downloading._refuse_redirect(response)
+
+
+def test_a_body_without_an_end_is_not_taken(server: Server, tmp_path: Path) -> None:
+    def endless(handler: http.server.BaseHTTPRequestHandler) -> None:
+        handler.send_response(200)
+        handler.end_headers()
+        handler.close_connection = True
+        with suppress(OSError):
+            while True:
+                handler.wfile.write(GOOD)
+
+    server.answers["/x"] = endless
+    with pytest.raises(Unavailable, match="more than 4 MB come"):
+        download(Request([f"{server.url}/x"], tmp_path / "x", good, most=4 << 20), patience=QUICK)
+    assert list(tmp_path.iterdir()) == []

@@ -1,4 +1,5 @@
 import struct
+import tracemalloc
 from pathlib import Path
 
 import pytest
@@ -113,3 +114,17 @@ def test_no_bag(tmp_path: Path) -> None:
     path.write_bytes(b"#ROSBAG V1.2\n")
     with pytest.raises(RecordError, match=r"version 2\.0"):
         RecordReader(path)
+
+
+def test_a_damaged_size_sets_no_memory_aside(tmp_path: Path) -> None:
+    """The only chunk claims to hold 4 GB; what is there is read, and no more."""
+    whole = bag(FIRST)
+    at = whole.index(FIRST) - 4
+    tracemalloc.start()
+    try:
+        reader, messages = read(tmp_path / "a.bag", whole[:at] + number(2**32 - 1) + whole[at + 4 :])
+        assert tracemalloc.get_traced_memory()[1] < 10e6
+    finally:
+        tracemalloc.stop()
+    assert messages[:2] == ALL[:2]
+    assert reader.damaged

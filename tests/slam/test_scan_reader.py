@@ -80,3 +80,11 @@ def test_beam_times_may_be_left_alone() -> None:
         np.testing.assert_array_equal(reader.read(0, 0.0, ranges(1, 2, 4), TURNING).points, plain)
     reader = ScanReader.of(lidar(), ScanConfig(), times)
     np.testing.assert_array_equal(reader.read(0, 0.0, ranges(1, 2, 4)).points, plain)
+
+
+def test_a_range_at_the_limit_is_judged_alike_with_and_without_beam_times() -> None:
+    """0.3 m as a lidar logs it, in float32, lies 1e-8 m beyond a limit of 0.3: no return, and no time for it either."""
+    scanner = Lidar(np.array([-QUARTER, 0.0, QUARTER]), 0.1, 0.3, np.zeros(3))
+    times = np.array([0.0, 0.1, 0.2])
+    scan = ScanReader.of(scanner, ScanConfig(), times).read(0, 0.0, ranges(0.3, 0.2, 0.3), TURNING)
+    np.testing.assert_allclose(scan.points, [[0.2 * math.cos(0.2 * math.pi), 0.2 * math.sin(0.2 * math.pi)]])

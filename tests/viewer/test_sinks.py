@@ -78,11 +78,11 @@ def test_an_interrupted_run_keeps_what_was_logged(tmp_path: Path, read_back: "ty
 
 def test_a_failed_run_leaves_the_old_file(tmp_path: Path) -> None:
     path = tmp_path / "out.rrd"
-    path.write_bytes(b"old")
+    path.write_bytes(b"RRF2 pfslam-viz, old")
     with pytest.raises(ValueError, match="bug"), open_sinks(save=path) as sink:
         send(sink, 0)
         raise ValueError("bug")
-    assert path.read_bytes() == b"old"
+    assert path.read_bytes() == b"RRF2 pfslam-viz, old"
     assert list(tmp_path.iterdir()) == [path]
 
 

@@ -4,8 +4,14 @@ import subprocess
 import sys
 import textwrap
 import time
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any, cast
 
+import pytest
+
+from pfslam_viz.errors import PfslamError
+from pfslam_viz.viewer.destination import Destination
 from tests.viewer.test_sinks import SEND
 
 ALONE = (
@@ -43,7 +49,7 @@ def test_bytes_are_carried_as_they_are_and_standard_output_is_given_back(tmp_pat
         from pfslam_viz.viewer.stdout_pipe import StdoutPipe
         pipe = StdoutPipe()
         os.write(1, bytes(range(256)) * 4000)
-        assert pipe.close(10.0) and not pipe.unread
+        assert pipe.close(10.0) and pipe.failure is None
         os.write(1, b"after")
     """
     with (tmp_path / "out").open("wb") as out:
@@ -71,3 +77,55 @@ def test_a_closed_reader_is_seen_also_while_nothing_is_written() -> None:
     finally:
         process.kill()
         process.wait()
+
+
+class Pipe:
+    """A pipe of which ``takes`` says how many bytes have been carried at each look."""
+
+    def __init__(self, takes: Iterable[int], failure: str | None = None) -> None:
+        self._takes, self.failure = iter(takes), failure
+        self.last = 0
+
+    @property
+    def carried(self) -> int:
+        self.last = next(self._takes, self.last)
+        return self.last
+
+
+class Stream:
+    """A stream that is there after so many looks."""
+
+    def __init__(self, looks: int) -> None:
+        self.looks, self.waited = looks, 0
+
+    def flush(self, timeout_sec: float) -> None:
+        self.waited += 1
+        if self.waited <= self.looks:
+            raise RuntimeError("Flush timed out")
+
+
+def destination(stream: Stream, pipe: Pipe) -> Destination:
+    return Destination("standard output", cast(Any, stream), live=False, pipe=cast(Any, pipe))
+
+
+def test_a_slow_reader_is_waited_for_as_long_as_it_reads() -> None:
+    stream = Stream(looks=20)
+    destination(stream, Pipe(range(1000))).flush(lambda: 1e-9)
+    assert stream.waited == 21
+
+
+def test_a_reader_that_reads_nothing_is_given_up_and_at_once_when_the_user_wants_to_end() -> None:
+    asked = iter([1e9, 1e9, 1e9, 0.0])  # seconds to wait: many, until Ctrl-C
+    stream = Stream(looks=1000)
+    with pytest.raises(RuntimeError, match="timed out"):
+        destination(stream, Pipe([])).flush(lambda: next(asked))
+    assert stream.waited == 4
+
+
+def test_a_reader_that_left_is_not_waited_for() -> None:
+    stream = Stream(looks=1000)
+    lost = destination(stream, Pipe([], failure="No space left on device"))
+    lost.flush(lambda: 1e9)
+    assert stream.waited == 0
+    with pytest.raises(PfslamError, match="standard output cannot be written: No space left on device"):
+        lost.raise_if_lost()

@@ -32,10 +32,9 @@ def pairs_apart(odometry: Array, distance: float = 0.4, turn: float = 0.3) -> Pa
     Spread over the part of the drive where it moves; a step of odometry that is longer makes a pair by itself.
     """
     gone = np.cumsum(np.hypot(odometry[:, 0], odometry[:, 1]) / distance + np.abs(odometry[:, 2]) / turn)
-    last = int(gone[-1]) if len(gone) else 0
-    if last < 1:
+    if len(gone) == 0 or not 1.0 <= gone[-1] < np.inf:  # steps that overflow when they are summed up tell nothing
         return Pairs(np.zeros(0, np.intp), np.zeros(0, np.intp))
-    marks = np.unique(np.linspace(0, last - 1, PAIRS).round())
+    marks = np.unique(np.linspace(0, np.floor(gone[-1]) - 1, PAIRS).round())
     first = np.minimum(np.searchsorted(gone, marks, side="right"), len(gone) - 2)
     first = np.unique(np.maximum(first - 1, 0))
     second = np.searchsorted(gone, gone[first] + 1.0)

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from pfslam_viz.errors import InputError
-from pfslam_viz.recordings.checking import beams, clocks, contradiction, jumps, mounting, odometry
+from pfslam_viz.recordings.checking import beams, carried, clocks, contradiction, jumps, mounting, odometry
 from pfslam_viz.recordings.checking.draft import Draft
 from pfslam_viz.recordings.findings import Finding, of
 from pfslam_viz.recordings.recording import Recording
@@ -18,6 +18,7 @@ STAGES = (
     beams.check_returns,
     odometry.check_odometry,
     jumps.check_jumps,
+    carried.check_carried,
     mounting.check_mounting,
     contradiction.check_contradiction,
     beams.check_sweep,
