@@ -14,7 +14,7 @@ from pfslam_viz.robot import CameraGeometry
 from pfslam_viz.viewer import archetypes, colors, entities, pages, style
 from pfslam_viz.viewer.blueprint import blueprint
 from pfslam_viz.viewer.colors import Color
-from pfslam_viz.viewer.contents import Cells, TimedContent
+from pfslam_viz.viewer.contents import Boxes, Cells, TimedContent
 from pfslam_viz.viewer.entities import ONLY_RUN, RUN_CURVES, Entity
 from pfslam_viz.viewer.framing import Framing, out_of_view
 from pfslam_viz.viewer.scan_batch import ScanBatch, distance, error_levels
@@ -73,11 +73,12 @@ class Drawing:
             self._draw_plots(scans)
             if self._shared:
                 self._draw_shared(scans)
-        by_path: dict[str, list[TimedContent]] = {}
+        by_path: dict[tuple[str, str], list[TimedContent]] = {}
         for content in contents:
-            by_path.setdefault(content.path, []).append(content)
-        for path, shown in by_path.items():
-            self._draw_contents(path, shown)
+            by_path.setdefault((content.path, content.part), []).append(content)
+        for (path, part), shown in by_path.items():
+            self.logged.add(path)
+            self._draw_contents(f"{path}/{part}" if part else path, shown)
         self.sink.push()
 
     def finish(self, framing: Framing | None, left_out: Sequence[str], result: Result) -> None:
@@ -209,6 +210,8 @@ class Drawing:
 
     def _draw_contents(self, path: str, contents: Sequence[TimedContent]) -> None:
         """Contents of one entity; few at a time where they are large."""
+        if path not in self.logged and isinstance(contents[0].content, Boxes):
+            style.style_walls(self.sink, path)
         largest = max(p.content.values.nbytes if isinstance(p.content, Cells) else 0 for p in contents)
         at_once = max(CHUNK_BYTES // largest, 1) if largest else len(contents)
         for k in range(0, len(contents), at_once):

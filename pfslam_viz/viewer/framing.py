@@ -92,17 +92,17 @@ def _extent(poses: Array) -> tuple[Array, Array] | None:
 
 
 def _walls(grid: OccupancyGrid) -> tuple[Array, Array] | None:
-    cells = np.argwhere(grid.occupied)
-    if not len(cells):
+    positions = grid.wall_positions()
+    if not len(positions):
         return None
-    low, high = np.percentile(grid.centers(cells), OUTLIERS, axis=0)
+    low, high = np.percentile(positions, OUTLIERS, axis=0)
     return low, high
 
 
 def _outline(results: Sequence[Result], low: Array, high: Array) -> Array:
     """The outmost of the walls and trajectories inside a box, (k, 2): those that lie furthest in any direction."""
     points = [poses[:, :2] for r in results for poses in (r.online, r.estimate) if len(poses)]
-    points += [r.grid.centers(np.argwhere(r.grid.occupied)) for r in results]
+    points += [r.grid.wall_positions() for r in results]
     every = np.concatenate(points)
     inside = every[((every >= low) & (every <= high)).all(axis=1)]
     angles = np.linspace(0.0, 2 * np.pi, 48, endpoint=False)

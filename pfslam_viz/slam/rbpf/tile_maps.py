@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pfslam_viz.slam.rbpf.settings import RbpfConfig
 from pfslam_viz.slam.rbpf.tile_kernels import BITS, SIZE, Field, Floats, join, project, write_scans
+from pfslam_viz.slam.tiles import Tiled
 
 FIRST_TILES = 256
 
@@ -125,6 +126,13 @@ class TileMaps:
     def log_odds_of(self, index: int) -> tuple[Field, tuple[int, int]]:
         """One map's log-odds (rows, columns) as an array of its own, and the row and column of the world's origin."""
         return join(self.table[index], self.log_odds), (int(self.origin[0]), int(self.origin[1]))
+
+    def tiled(self, index: int) -> Tiled:
+        """One map's log-odds in tiles, without a copy."""
+        table = self.table[index]
+        rows, columns = np.nonzero(table)
+        origin = self.origin // SIZE
+        return Tiled(rows - origin[0], columns - origin[1], table[rows, columns], self.log_odds)
 
     def _reach(self, lowest: Floats, highest: Floats) -> None:
         """Grow the tables until the world box from ``lowest`` to ``highest`` (x, y) m lies inside."""
