@@ -8,7 +8,6 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
-
 MOST = 1_000_000  # of anything that is counted: more would fill the memory, not change the result
 
 
@@ -21,8 +20,8 @@ class Section(BaseModel):
 def setting(default: Any, meaning: str, unit: str = "", **limits: Any) -> Any:
     """A field: its ``default``, what it means, its unit, and pydantic's limits (``gt``, ``ge``, ``lt``, ``le``).
 
-    Numbers must be finite, and counts no larger than :data:`MOST` unless ``le`` is given (None: no limit). Tuples, which TOML has as
-    arrays, are taken from lists.
+    Numbers must be finite, and counts no larger than :data:`MOST` unless ``le`` is given (None: no limit). Tuples,
+    which TOML has as arrays, are taken from lists.
     """
     extra: dict[str, JsonValue] = {"unit": unit}
     if isinstance(default, int) and not isinstance(default, bool):
@@ -38,7 +37,9 @@ class ScanConfig(Section):
     """Which beams of a scan are used."""
 
     max_range: float | None = setting(None, "longer beams are not used; none: the lidar's own limit", "m", gt=0)
-    max_beams: int | None = setting(None, "a scan is thinned to at most so many beams; none: all of them", ge=1, le=MOST)
+    max_beams: int | None = setting(
+        None, "a scan is thinned to at most so many beams; none: all of them", ge=1, le=MOST
+    )
     deskew: bool = setting(True, "correct end points by the odometry's motion during the scan, where beams have a time")
 
 

@@ -193,7 +193,7 @@ class TiledArrays:
         if place >= len(self._pools[self._known]):
             more = max(FIRST, len(self._places) // 2)
             for name, pool in self._pools.items():
-                self._pools[name] = np.concatenate([pool, np.zeros((more, *pool.shape[1:]), pool.dtype)])
+                self._pools[name] = enlarged(pool, more)
         return place
 
     def tiled(self, *names: str) -> list[Tiled]:
@@ -247,6 +247,13 @@ def _by_tile(cells: Index) -> Iterator[tuple[tuple[int, int], NDArray[np.intp]]]
     for chosen in np.split(order, ends):
         row, column = tiles[chosen[0]].tolist()
         yield (row, column), chosen
+
+
+def enlarged(pool: NDArray[Any], more: int) -> NDArray[Any]:
+    """A pool (n, ...) with so many more places, all 0, which take no memory until somebody writes there."""
+    out = np.zeros((len(pool) + more, *pool.shape[1:]), pool.dtype)
+    out[: len(pool)] = pool
+    return out
 
 
 def distinct(cells: Index, without: Index | None = None) -> Index:

@@ -37,7 +37,8 @@ Array = NDArray[np.float64]
 
 MAP_FRAMES, TEXTURE_FRAMES, CAMERA_FRAMES, WALL_FRAMES = 210, 210, 200, 100
 MAP_BYTES, TEXTURE_BYTES = 200_000_000, 150_000_000  # uncompressed: what the viewer has to hold
-LINEAGES_EVERY = 10  # scans
+LINEAGES_EVERY, LINEAGES = 10, 1000  # scans, unless these are so many that fewer will do
+DRAWN, FEWEST_DRAWN = 2_500_000, 30  # particles, or end points: in a recording, but at least in a scan
 MAPS = (entities.MAP, entities.RECKONED_MAP)
 
 
@@ -46,12 +47,20 @@ class StreamOptions:
     """Size against detail.
 
     ``map_every`` scans a map is logged; None spreads about 200 over the recording. At most ``max_particles`` and
-    ``max_beams`` are drawn of a scan.
+    ``max_beams`` are drawn of a scan; None draws 500 and 270, fewer in a recording of many scans.
     """
 
     map_every: int | None = None
-    max_particles: int = 500
-    max_beams: int = 270
+    max_particles: int | None = None
+    max_beams: int | None = None
+
+    def settled(self, scans: int) -> "StreamOptions":
+        """With numbers for a recording of so many scans: 2.5 million particles and as many end points in all."""
+
+        def most(wanted: int | None, usual: int) -> int:
+            return wanted or min(usual, max(DRAWN // max(scans, 1), FEWEST_DRAWN))
+
+        return StreamOptions(self.map_every, most(self.max_particles, 500), most(self.max_beams, 270))
 
 
 class Collector:
@@ -67,12 +76,12 @@ class Collector:
         shared: bool = True,
     ) -> None:
         """``run`` is its name in entity paths; ``shared`` includes what is no run's own: dead reckoning's map."""
-        self._options, self._run, self._shared = options, run, shared
         n = len(recording)
+        self._options, self._run, self._shared = options.settled(n), run, shared
         self._maps = contents.FrameBudget(n, MAP_FRAMES, MAP_BYTES, options.map_every)
         self._textures = contents.FrameBudget(n, TEXTURE_FRAMES, TEXTURE_BYTES)
         self._walls = contents.FrameBudget(n, WALL_FRAMES, MAP_BYTES)
-        self._lineages = contents.FrameBudget(n, 0, 0, every=LINEAGES_EVERY)
+        self._lineages = contents.FrameBudget(n, 0, 0, every=max(LINEAGES_EVERY, n // LINEAGES))
         self._ancestry = Ancestry()
         self._chronicle = Chronicle(recording, config)
         self._marks = Marks.over(recording)
@@ -107,7 +116,7 @@ class Collector:
         self._counts["particles"] = max(self._counts["particles"], len(step.estimate.weights))
         self._counts["beams"] = max(self._counts["beams"], len(step.end_points))
         lineages = self._ancestry.add(step.estimate.particles, step.estimate.parents)
-        self._scans.append(ScanCopy.of(step, self._options.max_beams, lineages=lineages))
+        self._scans.append(ScanCopy.of(step, self._options.max_beams or 1, lineages=lineages))
         if self._lineages.is_due(step.index):
             self._lineages.spend(step.index, 0)
             self._add(entities.LINEAGES, step, Lines(self._ancestry.segments(), entities.LINEAGES.z))
@@ -160,7 +169,7 @@ class Collector:
         out = []
         for what, most in (("particles", self._options.max_particles), ("beams", self._options.max_beams)):
             total = self._counts[what]
-            shown = len(range(0, total, stride(total, most)))
+            shown = len(range(0, total, stride(total, most or 1)))
             if shown < total:
                 out.append(f"{what}: {shown:,} of {total:,} drawn (--max-{what})")
         done = 0 if self._last is None else self._last.index + 1

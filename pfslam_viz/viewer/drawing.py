@@ -34,7 +34,7 @@ class Drawing:
         recording: what is replayed.
         config: with which settings.
         sink: where it goes.
-        max_particles: at most so many of a scan are drawn.
+        max_particles: at most so many of a scan are drawn; None: as many as there are.
         run: what the run is called in the paths of its entities.
         color: the run's colour.
         shared: whether to draw what runs have in common: dead reckoning and truth.
@@ -46,7 +46,7 @@ class Drawing:
         recording: Recording,
         config: Config,
         sink: Sink,
-        max_particles: int,
+        max_particles: int | None,
         *,
         run: str = ONLY_RUN,
         color: Color = colors.FILTER,
@@ -55,7 +55,7 @@ class Drawing:
     ) -> None:
         self.recording, self.config, self.sink, self.run = recording, config, sink, run
         self.logged: set[str] = set()
-        self._max_particles, self._shared = max_particles, shared
+        self._max_particles, self._shared = max_particles or config.particles, shared
         self._trails: dict[Entity, Trail] = {}
         self._relative = relative
         self._spreads = np.zeros(0)
@@ -168,12 +168,13 @@ class Drawing:
         revised: Sequence[Points | None] | None = None,
     ) -> None:
         trail = self._trails.setdefault(row, Trail(len(self.recording), points.shape[1]))
-        finished, open_strips = trail.extend(points, revised)
-        done, latest = row.visible(self.run)
+        done, between, open_strips = trail.extend(points, revised)
+        *paths, latest = row.visible(self.run)
         self._send_rows(latest, scans.index, scans.time, columns(open_strips, row.z))
-        if finished:
-            rows = [k for k, _ in finished]
-            self._send_rows(done, scans.index[rows], scans.time[rows], columns([s for _, s in finished], row.z))
+        for path, strips in zip(paths, (done, between), strict=True):
+            if strips:
+                rows = [k for k, _ in strips]
+                self._send_rows(path, scans.index[rows], scans.time[rows], columns([s for _, s in strips], row.z))
 
     def _draw_plots(self, scans: ScanBatch) -> None:
         curves: dict[str, Any] = {

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pfslam_viz.slam.rbpf.settings import RbpfConfig
 from pfslam_viz.slam.rbpf.tile_kernels import BITS, SIZE, Field, Floats, join, project, write_scans
-from pfslam_viz.slam.tiles import Tiled
+from pfslam_viz.slam.tiles import Tiled, enlarged
 
 FIRST_TILES = 256
 
@@ -147,8 +147,7 @@ class TileMaps:
 
     def _add_tiles(self) -> None:
         more = len(self.log_odds)
-        self.log_odds = np.concatenate([self.log_odds, np.zeros_like(self.log_odds)])
-        self.field = np.concatenate([self.field, np.zeros_like(self.field)])
+        self.log_odds, self.field = enlarged(self.log_odds, more), enlarged(self.field, more)
         self._references = np.concatenate([self._references, np.zeros(more, np.int32)])
         self._count_references()
 
