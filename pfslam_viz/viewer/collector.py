@@ -37,8 +37,8 @@ Array = NDArray[np.float64]
 
 MAP_FRAMES, TEXTURE_FRAMES, CAMERA_FRAMES, WALL_FRAMES = 210, 210, 200, 100
 MAP_BYTES, TEXTURE_BYTES = 200_000_000, 150_000_000  # uncompressed: what the viewer has to hold
-LINEAGES_EVERY, LINEAGES = 10, 1000  # scans, unless these are so many that fewer will do
-DRAWN, FEWEST_DRAWN = 2_500_000, 30  # particles, or end points: in a recording, but at least in a scan
+LINEAGES_EVERY, LINEAGES = 10, 500  # scans, unless these are so many that fewer will do
+DRAWN, FEWEST_DRAWN = 2_400_000, 30  # particles, or end points: in a recording, but at least in a scan
 MAPS = (entities.MAP, entities.RECKONED_MAP)
 
 
@@ -55,7 +55,7 @@ class StreamOptions:
     max_beams: int | None = None
 
     def settled(self, scans: int) -> "StreamOptions":
-        """With numbers for a recording of so many scans: 2.5 million particles and as many end points in all."""
+        """With numbers for a recording of so many scans: 2.4 million particles and as many end points in all."""
 
         def most(wanted: int | None, usual: int) -> int:
             return wanted or min(usual, max(DRAWN // max(scans, 1), FEWEST_DRAWN))

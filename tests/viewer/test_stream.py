@@ -274,7 +274,7 @@ def test_large_pictures_are_sent_few_at_a_time(
 
 def test_long_recordings_draw_less_of_a_scan_unless_told() -> None:
     assert StreamOptions().settled(4_785) == StreamOptions(None, 500, 270)
-    assert StreamOptions().settled(20_000) == StreamOptions(None, 125, 125)
+    assert StreamOptions().settled(20_000) == StreamOptions(None, 120, 120)
     assert StreamOptions(7, 500, None).settled(10**6) == StreamOptions(7, 500, 30)
 
 
