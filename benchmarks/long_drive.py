@@ -1,7 +1,7 @@
 """How time, memory and the file grow with the length of a drive: its first eighth, quarter, half, and all of it.
 
-    pfslam-viz simulate DIR/campus --building campus --no-frames --scan-rate 12.5
-    python -m benchmarks long_drive --recording campus --data DIR --config paper
+pfslam-viz simulate DIR/campus --building campus --no-frames --scan-rate 12.5
+python -m benchmarks long-drive --recording campus --data DIR --config paper
 """
 
 import argparse
@@ -19,7 +19,7 @@ GROWTH = 10.0  # hours that the last line foresees
 
 def main(arguments: list[str]) -> None:
     """Print a markdown table, and what ten hours of such a drive would take."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks long_drive", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="python -m benchmarks long-drive", description=__doc__.splitlines()[0])
     add_case_options(parser)
     case = case_of(parser.parse_args(arguments))
     recording, _ = load(case)

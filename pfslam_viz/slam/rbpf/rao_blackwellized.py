@@ -308,7 +308,9 @@ class RaoBlackwellizedFilter(Belief):
         self._weighed = (geometry.compose(to, geometry.between(at, particles)), weights)
         self._best = geometry.compose(to, geometry.between(at, self._best))
         self._history.rebase(self._leader, revised.poses, self._particles)
-        self._redraw(revised.poses)
+        self._maps = TileMaps(1, self._maps.settings)  # the old ones go first: they are as large as the new ones
+        self._grid.show(self._maps, 0)
+        self._maps = self._redrawn(revised.poses)
         self._maps.spread(len(self._particles))
         self._grid.show(self._maps, self._leader)
         moved = float(np.hypot(*(revised.poses - before)[:, :2].T).max())
@@ -320,12 +322,12 @@ class RaoBlackwellizedFilter(Belief):
         found = self._history.increments(self._leader)
         return Smoother(self._scans, self._history.odometry(), found, config, unknown)
 
-    def _redraw(self, poses: Array) -> None:
-        """Instead of all maps, have one of all key scans, as seen from ``poses`` (k, 3); the old ones go first."""
-        self._maps = TileMaps(1, self._maps.settings)
-        self._grid.show(self._maps, 0)
+    def _redrawn(self, poses: Array) -> TileMaps:
+        """One map of all key scans, as seen from ``poses`` (k, 3)."""
+        maps = TileMaps(1, self._maps.settings)
         for k, pose in enumerate(poses):
-            self._maps.write(pose[None], self._scans.points_of(k), self._scans.lidar_position)
+            maps.write(pose[None], self._scans.points_of(k), self._scans.lidar_position)
+        return maps
 
     def finish(self) -> None:
         """Settle the most likely particle's trajectory in hindsight, and write its map anew.
@@ -346,8 +348,7 @@ class RaoBlackwellizedFilter(Belief):
         if self._verdict.sigmas >= self.config.evidence.preferred:
             self._smoothed = smoothed.poses
             closed = np.concatenate([closed, smoothed.closed])
-            self._redraw(smoothed.poses)
-            self._grid.show(self._maps, 0)
+            self._grid.show(self._redrawn(smoothed.poses), 0)
         self._closures = tuple(self._closure(int(earlier), int(later)) for earlier, later in closed)
 
     @property
