@@ -9,6 +9,7 @@ NAMES = (
     "speed",
     "scaling",
     "memory",
+    "long-drive",
     "recording",
     "startup",
     "digest",

@@ -209,9 +209,12 @@ def simulate(
         typer.Option("--duration", min=0, metavar="SECONDS", help="At most so long.  [dim]the whole route[/dim]"),
     ] = None,
     building: Annotated[
-        str, typer.Option("--building", metavar="NAME", help="office, ring or hallway; the seed varies it.")
+        str, typer.Option("--building", metavar="NAME", help="office, ring, hallway, campus; the seed varies it.")
     ] = "office",
     frames: Annotated[bool, typer.Option("--frames/--no-frames", help="Render the camera's frames.")] = True,
+    scan_rate: Annotated[
+        float | None, typer.Option("--scan-rate", metavar="HZ", help="Of the lidar.  [dim]40, as the real one's[/dim]")
+    ] = None,
     wheel_scale: Annotated[
         float, typer.Option("--wheel-scale", min=0.5, max=1.5, help="Measured ÷ true wheel path: 1.03 is 3 % off.")
     ] = 1.0,
@@ -257,7 +260,7 @@ def simulate(
     camera = CameraErrors(
         camera_pitch, camera_roll, camera_height, disparity_noise, disparity_holes, exposure_drift, motion_blur
     )
-    command.run(out, seed, duration, building, frames, wheel_scale, slip, gyro_bias, camera)
+    command.run(out, seed, duration, building, frames, wheel_scale, slip, gyro_bias, camera, scan_rate)
 
 
 @app.command(

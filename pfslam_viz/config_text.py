@@ -79,12 +79,16 @@ def allowed(field: FieldInfo) -> str:
         return "true or false"
     limits = {type(m): m for m in field.metadata}
     low, high = (
-        next((f"{sign} {getattr(limits[kind], name):g}" for kind, name, sign in kinds if kind in limits), "")
+        next((f"{sign} {_number(getattr(limits[kind], name))}" for kind, name, sign in kinds if kind in limits), "")
         for kinds in (_LOWEST, _HIGHEST)
     )
     if low.startswith(">=") and high.startswith("<="):
         return f"{low[3:]} to {high[3:]}"
     return f"{low} and {high}" if low and high else low or high
+
+
+def _number(limit: float) -> str:
+    return f"{limit:,}" if isinstance(limit, int) else f"{limit:g}"
 
 
 def _is_section(field: FieldInfo) -> bool:

@@ -88,7 +88,7 @@ class Result:
             return "no scan was replayed"
         if not np.isfinite(self.estimate).all():
             return "the trajectory has poses that are no numbers"
-        return None if self.grid.occupied.any() else "no cell of the map is occupied"
+        return None if self.grid.has_walls else "no cell of the map is occupied"
 
     def require_map(self) -> None:
         """Raise PfslamError where a whole run came out empty: a recording that nothing could be made of."""

@@ -8,6 +8,8 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
+MOST = 1_000_000  # of anything that is counted: more would fill the memory, not change the result
+
 
 class Section(BaseModel):
     """A table of settings. Unknown keys and other types are refused, and nothing can be changed."""
@@ -18,9 +20,12 @@ class Section(BaseModel):
 def setting(default: Any, meaning: str, unit: str = "", **limits: Any) -> Any:
     """A field: its ``default``, what it means, its unit, and pydantic's limits (``gt``, ``ge``, ``lt``, ``le``).
 
-    Numbers must be finite. Tuples, which TOML has as arrays, are taken from lists.
+    Numbers must be finite, and counts no larger than :data:`MOST` unless ``le`` is given (None: no limit). Tuples,
+    which TOML has as arrays, are taken from lists.
     """
     extra: dict[str, JsonValue] = {"unit": unit}
+    if isinstance(default, int) and not isinstance(default, bool):
+        limits = {"le": MOST, **limits}
     if isinstance(default, float):
         limits.setdefault("allow_inf_nan", False)
     if isinstance(default, tuple):
@@ -32,7 +37,9 @@ class ScanConfig(Section):
     """Which beams of a scan are used."""
 
     max_range: float | None = setting(None, "longer beams are not used; none: the lidar's own limit", "m", gt=0)
-    max_beams: int | None = setting(None, "a scan is thinned to at most so many beams; none: all of them", ge=1)
+    max_beams: int | None = setting(
+        None, "a scan is thinned to at most so many beams; none: all of them", ge=1, le=MOST
+    )
     deskew: bool = setting(True, "correct end points by the odometry's motion during the scan, where beams have a time")
 
 
@@ -78,7 +85,7 @@ class Config(Section):
     name: str = setting("default", "what the configuration is called in tables and in the viewer")
     backend: str = setting("single_map", "which filter runs")
     particles: int = setting(500, "N, the number of particles", ge=1, le=100_000)
-    seed: int = setting(0, "of the random numbers: the same seed gives the same result", ge=0)
+    seed: int = setting(0, "of the random numbers: the same seed gives the same result", ge=0, le=None)
     observation: ScanConfig = ScanConfig()
     map: MapConfig = MapConfig()
     resampling: ResamplingConfig = ResamplingConfig()

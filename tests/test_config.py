@@ -30,6 +30,33 @@ def test_paper_is_the_paper() -> None:
     assert paper.name == "paper"
 
 
+@pytest.mark.parametrize(
+    ("config", "setting"),
+    [
+        ("paper", "particles=100001"),
+        ("default", "particles=1001"),  # a map each
+        ("paper", f"particles={2**60}"),
+        ("paper", f"observation.max_beams={2**60}"),
+        ("default", f"rao_blackwellized.samples={2**60}"),
+        ("default", f"scan_matching.most_points={2**60}"),
+        ("default", f"loop_closing.points={2**60}"),
+    ],
+)
+def test_counts_that_would_fill_the_memory_are_refused(config: str, setting: str) -> None:
+    key, number = setting.split("=")
+    with pytest.raises(InputError, match=rf"'{key}' = {number}: input should be less than or equal to"):
+        load_config(config, [setting])
+
+
+def test_every_count_has_a_limit() -> None:
+    """All but the seed, of which any number will do."""
+    for name in ("paper", "default"):
+        for key, field in settings_of(type(load_config(name))):
+            if field.annotation is int and key != "seed":
+                assert "to" in allowed(field), key
+    assert load_config("default", [f"seed={2**60}"]).seed == 2**60
+
+
 @pytest.mark.parametrize("path", sorted(configs_dir().glob("*.toml")), ids=lambda path: path.stem)
 def test_every_shipped_configuration_is_valid(path: Path) -> None:
     assert load_config(path.stem).name == load_config(path).name

@@ -112,10 +112,22 @@ MapEveryOpt = Annotated[
     ),
 ]
 MaxParticlesOpt = Annotated[
-    int | None, typer.Option("--max-particles", min=1, help="Log at most so many.", rich_help_panel=DETAIL)
+    int | None,
+    typer.Option(
+        "--max-particles",
+        min=1,
+        help="Log at most so many.  [dim]500, fewer in long recordings[/dim]",
+        rich_help_panel=DETAIL,
+    ),
 ]
 MaxBeamsOpt = Annotated[
-    int | None, typer.Option("--max-beams", min=1, help="Log at most so many end points.", rich_help_panel=DETAIL)
+    int | None,
+    typer.Option(
+        "--max-beams",
+        min=1,
+        help="Log at most so many end points.  [dim]270, fewer in long ones[/dim]",
+        rich_help_panel=DETAIL,
+    ),
 ]
 QuietOpt = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no summary.")]
 JsonOpt = Annotated[bool, typer.Option("--json", help="Print JSON.")]

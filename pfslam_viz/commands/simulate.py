@@ -21,6 +21,7 @@ def run(
     slip: float,
     gyro_bias: float | None,
     camera: "CameraErrors",
+    scan_rate: float | None,
 ) -> None:
     """Write the recording into the folder ``out``."""
     from pfslam_viz.simulation.recording import simulate
@@ -38,6 +39,7 @@ def run(
             slip=slip,
             gyro_bias=gyro_bias,
             camera=camera,
+            scan_rate=scan_rate,
         )
     console.results().print(
         f"{out}: a drive through '{building}', seed {seed}, made in {perf_counter() - started:.1f} s;"

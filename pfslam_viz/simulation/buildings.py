@@ -1,6 +1,7 @@
 """The buildings that can be simulated, each drawn anew from a seed."""
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 
@@ -145,7 +146,32 @@ def hallway(rng: np.random.Generator) -> World:
     return plan.build(route)
 
 
-BUILDINGS: dict[str, Callable[[np.random.Generator], World]] = {"office": office, "ring": ring, "hallway": hallway}
+def campus(rng: np.random.Generator) -> World:
+    """Streets between blocks of buildings, 0.4 km across, and a drive of 2 km along them that comes back five times.
+
+    For long drives: thin them with a lower scan rate.
+    """
+    plan = Plan()
+    xs = np.concatenate([[0.0], np.cumsum(rng.uniform(88.0, 102.0, 4))])
+    ys = np.concatenate([[0.0], np.cumsum(rng.uniform(78.0, 92.0, 3))])
+    corners = [(0, 0), (4, 0), (4, 3), (3, 3), (3, 1), (1, 1), (1, 3), (0, 3), (0, 0), (1, 0), (1, 1), (2, 1), (2, 0)]
+    route = np.array([(xs[i], ys[j]) for i, j in corners])
+    for along_x, lines, crossings in ((True, ys, xs), (False, xs, ys)):
+        for middle in lines:
+            half = rng.uniform(3.5, 5.5)
+            _street(plan, along_x, middle, half, crossings[0] - half, crossings[-1] + half)
+            for start, end in pairwise(crossings):
+                for side in (-1.0, 1.0):
+                    _facade(plan, along_x, middle, side * half, start + 8.0, end - 8.0, rng)
+    return plan.build(route)
+
+
+BUILDINGS: dict[str, Callable[[np.random.Generator], World]] = {
+    "office": office,
+    "ring": ring,
+    "hallway": hallway,
+    "campus": campus,
+}
 
 
 def build(name: str, rng: np.random.Generator) -> World:
@@ -158,6 +184,31 @@ def build(name: str, rng: np.random.Generator) -> World:
 def _door(plan: Plan, x: float, y0: float, y1: float) -> None:
     """An open door, centred on x, in a wall between y0 and y1."""
     plan.room(x - DOOR / 2, y0, x + DOOR / 2, y1, CHECKER, WOOD)
+
+
+def _street(plan: Plan, along_x: bool, middle: float, half: float, start: float, end: float) -> None:
+    """A street from ``start`` to ``end``, so wide to both sides of its middle, along x or along y."""
+    low, high = middle - half, middle + half
+    x0, y0, x1, y1 = (start, low, end, high) if along_x else (low, start, high, end)
+    plan.room(x0, y0, x1, y1, SLABS)
+
+
+def _facade(
+    plan: Plan, along_x: bool, middle: float, edge: float, start: float, end: float, rng: np.random.Generator
+) -> None:
+    """Doorways, passages and lamp posts along one side of a street; ``edge`` is how far that is from the middle."""
+    at = start + rng.uniform(0.0, 6.0)
+    while at < end:
+        width, depth = rng.uniform(1.2, 5.0), rng.choice([0.3, 0.6, 1.5, 4.0]) * rng.uniform(0.7, 1.3)
+        low, high = sorted((middle + edge, middle + edge + np.sign(edge) * depth))
+        x0, y0, x1, y1 = (at, low, at + width, high) if along_x else (low, at, high, at + width)
+        plan.room(x0, y0, x1, y1, SLABS, SAND)
+        along, across = at + width + rng.uniform(0.5, 2.0), middle + edge - np.sign(edge) * rng.uniform(0.5, 1.2)
+        if rng.random() < 0.6:
+            size = rng.uniform(0.2, 0.5)
+            x, y = (along, across) if along_x else (across, along)
+            plan.box(x, y, size, size, rng.uniform(0.0, 1.5), 2.0, STEEL)
+        at += width + rng.uniform(3.0, 12.0)
 
 
 def _recess(plan: Plan, x: float, y: float, up: bool) -> None:

@@ -51,6 +51,7 @@ def simulate(
     slip: float = 0.01,
     gyro_bias: float | None = None,
     camera: CameraErrors | None = None,
+    scan_rate: float | None = None,
 ) -> Path:
     """Make a recording in the folder ``out``, which appears complete or not at all; the same seed, the same bytes.
 
@@ -62,10 +63,11 @@ def simulate(
         out: the folder to make. It may exist if it is empty or holds a simulated recording, which is replaced.
         seed: draws the building, the drive and the sensors' errors.
         duration: s of the whole recording at most; None drives the building's whole route.
-        building: ``office``, ``ring`` or ``hallway``.
+        building: ``office``, ``ring``, ``hallway`` or ``campus``.
         frames: whether to render colour and disparity images.
         wheel_scale, slip, gyro_bias: see :class:`~pfslam_viz.simulation.sensors.SensorErrors`.
         camera: how the camera differs from what ``robot.toml`` says of it.
+        scan_rate: Hz of the lidar; None takes the real sets' 40.
 
     Returns:
         ``out``.
@@ -74,6 +76,8 @@ def simulate(
         InputError: for a building that does not exist, a number out of range, or a folder with other files.
     """
     _check_options(seed=seed, wheel_scale=wheel_scale, slip=slip, gyro_bias=gyro_bias or 0.0)
+    if scan_rate is not None and not 0.5 <= scan_rate <= 100.0:
+        raise InputError(f"scan_rate must be from 0.5 to 100 Hz, not {scan_rate}")
     check_replaceable(out)
     errors = SensorErrors(wheel_scale=wheel_scale, slip=slip, gyro_bias=gyro_bias)
     plan_rng, drive_rng, wheel_rng, imu_rng, lidar_rng, camera_rng = (
@@ -86,13 +90,14 @@ def simulate(
     robot = load_robot(told)
     manifest = {
         "generator": VERSION, "building": building, "seed": seed, "duration": duration, "frames": frames,
-        "errors": asdict(errors), "camera": asdict(camera),
+        "errors": asdict(errors), "camera": asdict(camera), "scan_rate": scan_rate,
     }  # fmt: skip
 
     with _folder_in_place(out) as folder:
         # The camera and the IMU start after the wheels and end before them, as in the real sets; the robot stands then.
         early, late = drive.still_before, drive.duration - drive.still_after
-        stamps = jittered_stamps(0.02, drive.duration - 0.02, LIDAR_PERIOD, 0.02, lidar_rng)
+        period = LIDAR_PERIOD if scan_rate is None else 1.0 / scan_rate
+        stamps = jittered_stamps(0.02, drive.duration - 0.02, period, 0.02, lidar_rng)
         _save(
             folder / f"Hokuyo{SET}.npz", angle_min=-FIELD_OF_VIEW / 2, angle_max=FIELD_OF_VIEW / 2,
             angle_increment=FIELD_OF_VIEW / (len(beam_angles()) - 1), range_min=RANGE_MIN, range_max=RANGE_MAX,

@@ -135,6 +135,50 @@ def write_scan(
                     above[i] = values[i] > threshold
 
 
+@kernel("i8[:, ::1]")
+def scan_cells(cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Every cell (n, 2) that :func:`write_scan` takes a miss from, some of them several times, and some of them ends.
+
+    For scans that reach further than a grid does: ``cells`` (m + 1, 2) are as there, and so are the answers.
+    """
+    steps, slopes = bundles(cells)
+    found = np.empty((1024, 2), np.int64)
+    count = 0
+    for n in range(len(steps)):
+        for k in range(steps[n, 0], steps[n, 1]):
+            first, last = slopes[n, 0] * k, slopes[n, 1] * k
+            first, last = first + math.copysign(BELOW_HALF, first), last + math.copysign(BELOW_HALF, last)
+            for side in range(int(first), int(last) + 1):
+                if count == len(found):
+                    more = np.empty((2 * count, 2), np.int64)
+                    for i in range(count):
+                        more[i, 0], more[i, 1] = found[i, 0], found[i, 1]
+                    found = more
+                down, right = steps[n, 2], steps[n, 3]
+                found[count, 0] = cells[0, 0] + k * down + (side if down == 0 else 0)
+                found[count, 1] = cells[0, 1] + k * right + (side if right == 0 else 0)
+                count += 1
+    return found[:count]
+
+
+@kernel("f4[:, :], i8, i8, i8")
+def known_tiles(values: NDArray[np.float32], above: int, before: int, size: int) -> NDArray[np.bool_]:
+    """Which tiles, ``size`` cells wide, of an array hold a cell that is not 0.
+
+    The array's first row is row ``above`` of the first tiles, its first column their column ``before``.
+    """
+    rows, columns = values.shape
+    out = np.zeros(((rows + above - 1) // size + 1, (columns + before - 1) // size + 1), np.bool_)
+    for i in range(rows):
+        down = (i + above) // size
+        for right in range(out.shape[1]):
+            known = False
+            for j in range(max(right * size - before, 0), min((right + 1) * size - before, columns)):
+                known |= values[i, j] != np.float32(0.0)
+            out[down, right] |= known
+    return out
+
+
 @kernel("f8[::1], f8[:, ::1], f8[::1], f4[:, ::1], u1[:, ::1], u1[:, ::1], i8, i8, i8, f8, f4, f4, f4, f4")
 def add_scan(
     pose: Floats,

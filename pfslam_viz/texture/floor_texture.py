@@ -1,17 +1,17 @@
 """A map of the floor's colours on the occupancy grid's cells."""
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pfslam_viz.robot import CameraGeometry
 from pfslam_viz.settings import TextureConfig
+from pfslam_viz.slam.tiles import Tiled, TiledArrays
 from pfslam_viz.texture.floor_plane import FloorPlane
 from pfslam_viz.texture.kernels import blend, collect, match, merge
 from pfslam_viz.texture.kinect import FloorView
-
-MARGIN_CELLS = 64  # grown beyond what is asked for, so that growing stays rare
 
 
 class FloorTexture:
@@ -27,12 +27,13 @@ class FloorTexture:
     With "finest" a frame's colours are first brought to those that are painted already (:func:`kernels.match`), and a
     cell keeps to its finest views (:func:`kernels.blend`). docs/texture.md has what else was tried.
 
+    A texture that has outgrown :data:`~pfslam_viz.slam.tiles.MOST` cells is kept in tiles where something was painted,
+    and ``color`` and ``weight`` are put together anew whenever they are asked for: look at :meth:`tiled` instead, where
+    a texture may be large.
+
     Attributes:
         cell: edge of a cell in m.
         camera: what looks at the floor, its height counted from there.
-        origin: row and column of the cell at the world's origin, (24) and (25).
-        color: (rows, columns, 3) uint8 RGB; black where nothing was seen.
-        weight: (rows, columns) float32, how many pixels of the finest view's worth a cell got; 0 where it was not seen.
         frames: how many frames were added,
         tilted: and how many of them with a plane of their own.
     """
@@ -42,21 +43,47 @@ class FloorTexture:
         self.cell = cell
         self.camera = camera
         self.view = FloorView.of(camera, config.floor_tolerance, config.max_range)
-        n = 2 * MARGIN_CELLS
-        self.origin = (MARGIN_CELLS, MARGIN_CELLS)
-        self.color: NDArray[np.uint8] = np.zeros((n, n, 3), np.uint8)
-        self.weight: NDArray[np.float32] = np.zeros((n, n), np.float32)
         self.frames = 0
         self.tilted = 0
-        self._sum: NDArray[np.float32] = np.zeros((n, n, 3), np.float32)
-        self._finest = np.zeros((n, n), np.float32) if config.blend == "finest" else None
+        self._blend = config.blend == "finest"
+        kinds: dict[str, Any] = {"weight": (np.float32, ()), "color": (np.uint8, (3,)), "sum": (np.float32, (3,))}
+        self._cells = TiledArrays({**kinds, "finest": (np.float32, ())} if self._blend else kinds)
         side = 2 * math.ceil(self.view.reach / cell) + 3
         self._patch: NDArray[np.float32] = np.zeros((side, side, 4), np.float32)
+
+    @property
+    def color(self) -> NDArray[np.uint8]:
+        """(rows, columns, 3) RGB; black where nothing was seen."""
+        return self._whole("color")
+
+    @property
+    def weight(self) -> NDArray[np.float32]:
+        """(rows, columns), how many pixels of the finest view's worth a cell got; 0 where it was not seen."""
+        return self._whole("weight")
+
+    @property
+    def origin(self) -> tuple[int, int]:
+        """Row and column of the cell at the world's origin, (24) and (25)."""
+        if not self._cells.windowed:
+            return self._cells.origin
+        top, left, _, _ = self.tiled()[1].box()
+        return -top, -left
 
     @property
     def shape(self) -> tuple[int, int]:
         """Rows and columns."""
         return self.weight.shape[0], self.weight.shape[1]
+
+    def tiled(self) -> tuple[Tiled, Tiled]:
+        """Colours and weights where something was painted, in tiles."""
+        color, weight = self._cells.tiled("color", "weight")
+        return color, weight
+
+    def _whole(self, name: str) -> NDArray[Any]:
+        if not self._cells.windowed:
+            return self._cells.arrays[name]
+        (tiled,) = self._cells.tiled(name)
+        return tiled.dense(tiled.box())
 
     @property
     def lower_left(self) -> tuple[float, float]:
@@ -105,29 +132,15 @@ class FloorTexture:
         self.frames += 1
         if last_row < first_row:
             return 0
-        self._cover(top + first_row, top + last_row, left + first_column, left + last_column)
+        self._cells.cover(top + first_row, left + first_column, top + last_row, left + last_column)
         seen = self._patch[first_row : last_row + 1, first_column : last_column + 1]
-        row, column = top + first_row + self.origin[0], left + first_column + self.origin[1]
+        row, column = top + first_row + self._cells.origin[0], left + first_column + self._cells.origin[1]
         here = slice(row, row + seen.shape[0]), slice(column, column + seen.shape[1])
-        if self._finest is None:
-            touched: int = merge(seen, self._sum[here], self.weight[here], self.color[here])
+        arrays = {name: values[here] for name, values in self._cells.arrays.items()}
+        if not self._blend:
+            touched: int = merge(seen, arrays["sum"], arrays["weight"], arrays["color"])
         else:
-            gain = match(seen, self._sum[here], self.weight[here])
-            touched = blend(seen, gain, self._sum[here], self.weight[here], self._finest[here], self.color[here])
+            gain = match(seen, arrays["sum"], arrays["weight"])
+            touched = blend(seen, gain, arrays["sum"], arrays["weight"], arrays["finest"], arrays["color"])
         seen[:] = 0.0  # for the next frame, which is less than to clear the whole patch
         return touched
-
-    def _cover(self, first_row: int, last_row: int, first_column: int, last_column: int) -> None:
-        """Grow until the given cells, counted from the origin's, lie inside."""
-        rows, columns = self.shape
-        above, below = -(first_row + self.origin[0]), last_row + self.origin[0] - rows + 1
-        before, after = -(first_column + self.origin[1]), last_column + self.origin[1] - columns + 1
-        pads = [n + MARGIN_CELLS if n > 0 else 0 for n in (above, below, before, after)]
-        if any(pads):
-            edges = (pads[0], pads[1]), (pads[2], pads[3])
-            self.color = np.pad(self.color, (*edges, (0, 0)))
-            self.weight = np.pad(self.weight, edges)
-            self._sum = np.pad(self._sum, (*edges, (0, 0)))
-            if self._finest is not None:
-                self._finest = np.pad(self._finest, edges)
-            self.origin = self.origin[0] + pads[0], self.origin[1] + pads[2]

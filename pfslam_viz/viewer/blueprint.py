@@ -82,6 +82,8 @@ def contents(view: View, run: str, *owners: str, more: Sequence[str] = ()) -> li
             paths = row.visible(run)
             outline_only = view is View.CLOSE_UP and row.kind is Kind.ROBOT  # its shape would cover the particles
             found += paths[-1:] if outline_only else paths
+            if row.kind in (Kind.GRID, Kind.BOXES):
+                found.append(f"{row.path(run)}/**")  # their blocks
     return [f"+ /{path}" for path in [*found, *more]]
 
 

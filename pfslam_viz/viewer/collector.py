@@ -7,6 +7,7 @@ Nothing of Rerun is needed here; :mod:`pfslam_viz.viewer.drawing` draws it.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,11 +17,13 @@ from pfslam_viz.config import Config
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.replay import Result
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
+from pfslam_viz.slam.tiles import Tiled
 from pfslam_viz.step import Step
 from pfslam_viz.viewer import contents, entities
 from pfslam_viz.viewer.ancestry import Ancestry
+from pfslam_viz.viewer.blocks import Block, Changes, GridBlocks, Place, WallBlocks, edge_for
 from pfslam_viz.viewer.camera_images import CameraImages
-from pfslam_viz.viewer.contents import Content, Lines, Note, Spots, TimedContent
+from pfslam_viz.viewer.contents import Cells, Content, Lines, Note, Spots, TimedContent
 from pfslam_viz.viewer.entities import ONLY_RUN, Entity
 from pfslam_viz.viewer.events import Chronicle, Event
 from pfslam_viz.viewer.marks import Marks
@@ -32,9 +35,11 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-MAP_FRAMES, TEXTURE_FRAMES, CAMERA_FRAMES, WALL_FRAMES = 200, 75, 200, 40
+MAP_FRAMES, TEXTURE_FRAMES, CAMERA_FRAMES, WALL_FRAMES = 210, 210, 200, 100
 MAP_BYTES, TEXTURE_BYTES = 200_000_000, 150_000_000  # uncompressed: what the viewer has to hold
-LINEAGES_EVERY = 10  # scans
+LINEAGES_EVERY, LINEAGES = 10, 500  # scans, unless these are so many that fewer will do
+DRAWN, FEWEST_DRAWN = 2_400_000, 30  # particles, or end points: in a recording, but at least in a scan
+MAPS = (entities.MAP, entities.RECKONED_MAP)
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,12 +47,20 @@ class StreamOptions:
     """Size against detail.
 
     ``map_every`` scans a map is logged; None spreads about 200 over the recording. At most ``max_particles`` and
-    ``max_beams`` are drawn of a scan.
+    ``max_beams`` are drawn of a scan; None draws 500 and 270, fewer in a recording of many scans.
     """
 
     map_every: int | None = None
-    max_particles: int = 500
-    max_beams: int = 270
+    max_particles: int | None = None
+    max_beams: int | None = None
+
+    def settled(self, scans: int) -> "StreamOptions":
+        """With numbers for a recording of so many scans: 2.4 million particles and as many end points in all."""
+
+        def most(wanted: int | None, usual: int) -> int:
+            return wanted or min(usual, max(DRAWN // max(scans, 1), FEWEST_DRAWN))
+
+        return StreamOptions(self.map_every, most(self.max_particles, 500), most(self.max_beams, 270))
 
 
 class Collector:
@@ -63,17 +76,22 @@ class Collector:
         shared: bool = True,
     ) -> None:
         """``run`` is its name in entity paths; ``shared`` includes what is no run's own: dead reckoning's map."""
-        self._options, self._run, self._shared = options, run, shared
         n = len(recording)
+        self._options, self._run, self._shared = options.settled(n), run, shared
         self._maps = contents.FrameBudget(n, MAP_FRAMES, MAP_BYTES, options.map_every)
         self._textures = contents.FrameBudget(n, TEXTURE_FRAMES, TEXTURE_BYTES)
         self._walls = contents.FrameBudget(n, WALL_FRAMES, MAP_BYTES)
-        self._lineages = contents.FrameBudget(n, 0, 0, every=LINEAGES_EVERY)
+        self._lineages = contents.FrameBudget(n, 0, 0, every=max(LINEAGES_EVERY, n // LINEAGES))
         self._ancestry = Ancestry()
         self._chronicle = Chronicle(recording, config)
         self._marks = Marks.over(recording)
         self._stamps = recording.stamps
         self._painted: FloorTexture | None = None
+        edge = edge_for(recording.dead_reckoning(), config.map.cell)
+        halo = contents.gap_halo(config.map.cell)
+        self._grids = {row: GridBlocks(Changes(edge, halo), config.map.cell, row.z) for row in MAPS}
+        self._raised = WallBlocks(Changes(edge))
+        self._floor = GridBlocks(Changes(edge // 2), config.map.cell, entities.TEXTURE.z)
         span = (float(recording.stamps[0]) - 1.0, float(recording.stamps[-1]))
         self._camera = CameraImages(recording.frames, span, CAMERA_FRAMES)
         self._closures: list[Array] = []
@@ -98,7 +116,7 @@ class Collector:
         self._counts["particles"] = max(self._counts["particles"], len(step.estimate.weights))
         self._counts["beams"] = max(self._counts["beams"], len(step.end_points))
         lineages = self._ancestry.add(step.estimate.particles, step.estimate.parents)
-        self._scans.append(ScanCopy.of(step, self._options.max_beams, lineages=lineages))
+        self._scans.append(ScanCopy.of(step, self._options.max_beams or 1, lineages=lineages))
         if self._lineages.is_due(step.index):
             self._lineages.spend(step.index, 0)
             self._add(entities.LINEAGES, step, Lines(self._ancestry.segments(), entities.LINEAGES.z))
@@ -106,7 +124,7 @@ class Collector:
             self._maps.spend(step.index, self._add_maps(step, step.grid, step.dead_reckoning_grid))
         if self._walls.is_due(step.index) or step.revision is not None:
             self._walls.spend(step.index, 0)
-            self._add(entities.WALLS, step, contents.walls(step.grid))
+            self._add_walls(step, step.grid)
         if step.revision is not None and step.revision.closures:
             self._closures += [np.stack([c.earlier_position, c.later_position]) for c in step.revision.closures]
             self._add_lines(entities.CLOSURES, step, self._closures)
@@ -120,8 +138,8 @@ class Collector:
         """Take what is known only at the end: the last maps, the trajectory in hindsight, closed loops."""
         if self._last is None:
             return
-        self._add_maps(self._last, result.grid, result.dead_reckoning_grid)
-        self._add(entities.WALLS, self._last, contents.walls(result.grid))
+        self._add_maps(self._last, result.grid, result.dead_reckoning_grid, whole=True)
+        self._add_walls(self._last, result.grid)
         if result.texture is not None:
             self._add_texture(self._last, result.texture, always=True)
         painted_anew = self._painted is not None and result.texture is not self._painted
@@ -151,12 +169,14 @@ class Collector:
         out = []
         for what, most in (("particles", self._options.max_particles), ("beams", self._options.max_beams)):
             total = self._counts[what]
-            shown = len(range(0, total, stride(total, most)))
+            shown = len(range(0, total, stride(total, most or 1)))
             if shown < total:
                 out.append(f"{what}: {shown:,} of {total:,} drawn (--max-{what})")
         done = 0 if self._last is None else self._last.index + 1
         if self._maps.logged < done:
             out.append(f"maps: {self._maps.logged:,} of {done:,} scans have one (--map-every)")
+        if any(blocks.coarsened for blocks in self._grids.values()):
+            out.append("maps: on the way, some of them in larger cells than they have (--map-every)")
         if self._textures.skipped:
             out.append(
                 f"textures: {self._textures.logged:,} of {self._textures.logged + self._textures.skipped:,} drawn"
@@ -189,23 +209,47 @@ class Collector:
     def _add_lines(self, row: Entity, step: Step, lines: Sequence[Array]) -> None:
         self._add(row, step, Lines([line[:, :2].astype(np.float32) for line in lines], row.z))
 
-    def _add_maps(self, step: Step, grid: OccupancyGrid, reckoned: OccupancyGrid) -> int:
+    def _add_blocks(self, row: Entity, step: Step, blocks: Iterable[Block]) -> int:
         """Bytes of what was added."""
-        grids = [(entities.MAP, grid), (entities.RECKONED_MAP, reckoned)]
         size = 0
-        for row, shown in grids if self._shared else grids[:1]:
-            cells = contents.grid_map(shown)
-            self._add(row, step, cells)
-            size += cells.values.size
+        for block in blocks:
+            path = row.path(self._run)
+            self._contents.append(TimedContent(path, step.index, step.time, block.content, block.part))
+            size += block.content.values.nbytes if isinstance(block.content, Cells) else 0
         return size
+
+    def _add_maps(self, step: Step, grid: OccupancyGrid, reckoned: OccupancyGrid, whole: bool = False) -> int:
+        """Bytes of what was added: what changed of the maps; with ``whole``, none of it in larger cells any more."""
+        grids = [grid, reckoned] if self._shared else [grid]
+        allowed = None if whole else self._maps.allowance(step.index)
+        size = 0
+        for row, shown in zip(MAPS, grids, strict=False):
+            blocks, tiled = self._grids[row], shown.tiled()
+            draw = partial(_map_block, shown, tiled, blocks.changes)
+            share = None if allowed is None else allowed // len(grids)
+            size += self._add_blocks(row, step, blocks.update(tiled, draw, share))
+        return size
+
+    def _add_walls(self, step: Step, grid: OccupancyGrid) -> None:
+        tiled, changes = grid.tiled(), self._raised.changes
+        blocks = self._raised.update(tiled, lambda block: contents.wall_block(grid, tiled, changes.box(block)))
+        self._add_blocks(entities.WALLS, step, blocks)
 
     def _add_texture(self, step: Step, texture: "FloorTexture", always: bool = False) -> None:
         if always or self._textures.is_due(step.index):
-            cells = contents.texture_map(texture)
-            self._textures.spend(step.index, cells.values.size)
-            self._add(entities.TEXTURE, step, cells)
+            colors, weight = texture.tiled()
+            changes = self._floor.changes
+            allowed = None if always else self._textures.allowance(step.index)
+            blocks = self._floor.update(
+                weight, lambda block: contents.texture_block(colors, weight, changes.box(block)), allowed
+            )
+            self._textures.spend(step.index, self._add_blocks(entities.TEXTURE, step, blocks))
         else:
             self._textures.skipped += 1
+
+
+def _map_block(grid: OccupancyGrid, tiled: Tiled, changes: Changes, block: Place) -> NDArray[np.uint8]:
+    return contents.map_block(grid, tiled, changes.box(block))
 
 
 def hindsight_differs(result: Result) -> bool:

@@ -51,7 +51,7 @@ def compare(
         raise InputError(f"{len(configs)} configurations: at most {len(colors.RUNS)} can be told apart by colour")
     names = run_names(configs)
     panels = len(names) + 1
-    options = options or StreamOptions()
+    options = (options or StreamOptions()).settled(len(recording))
     drawings, streams = [], []
     for index, (config, name, color) in enumerate(zip(configs, names, colors.run_colors(configs), strict=True)):
         shared = index == 0

@@ -13,19 +13,19 @@ from numpy.typing import NDArray
 
 from pfslam_viz.recordings.images import UnusableImage, read_image
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
+from pfslam_viz.slam.tiles import Box, Tiled
 from pfslam_viz.viewer import kernels
-from pfslam_viz.viewer.entities import MAP, TEXTURE
+from pfslam_viz.viewer.entities import MAP
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-    from pfslam_viz.texture.floor_texture import FloorTexture
 
 UNKNOWN = 255  # as in ROS: 0 is free, 100 occupied
 IMAGE_SCALE = 2  # camera images are reduced by this
 FARTHEST_DISPARITY = 1100  # raw; the formula has no depth beyond
 GAPS = ((0.6, 20), (0.25, 6))  # m: gaps between rays that are drawn as free, but for a tint, as Rerun counts
 WALL_HEIGHT = 0.6  # m: low enough to look over
+AT_ONCE = 0.1  # of its bytes, what a budget may spend from the start
 _LEVELS = 120  # of shade()'s 128 to either side: for one observation of the kind that counts more
 
 
@@ -87,20 +87,21 @@ Content = Cells | Boxes | Lines | Spots | Jpeg | Note
 
 @dataclass(frozen=True, slots=True)
 class TimedContent:
-    """What the entity ``path`` shows from scan ``step`` on, ``seconds`` after the first one."""
+    """What the entity ``path`` shows from scan ``step`` on, ``seconds`` after the first one.
+
+    ``part`` is the block of it that does, empty where it is the entity itself (:mod:`pfslam_viz.viewer.blocks`).
+    """
 
     path: str
     step: int
     seconds: float
     content: Content
+    part: str = ""
 
 
 @dataclass
 class FrameBudget:
-    """Spreads ``frames`` frames (maps, textures), and at most ``bytes`` of them uncompressed, over ``steps`` steps.
-
-    A map that grows in mid-run is shown less often, so that the viewer's memory holds the whole recording.
-    """
+    """Spreads ``frames`` frames (maps, textures), and at most ``bytes`` of them uncompressed, over ``steps`` steps."""
 
     steps: int
     frames: int
@@ -115,6 +116,16 @@ class FrameBudget:
         """Whether ``step`` (counted from 0) gets a frame."""
         return step >= self._next
 
+    def allowance(self, step: int) -> int | None:
+        """How many bytes the frame at ``step`` may take, so that later ones have theirs; None: as many as it needs.
+
+        What is not taken stays for later frames, and a part is there from the start.
+        """
+        if self.every is not None:
+            return None
+        share = AT_ONCE + (1.0 - AT_ONCE) * min((step + 1) / self.steps, 1.0)
+        return max(int(share * self.bytes) - self._spent, 0)
+
     def spend(self, step: int, size: int) -> None:
         """A frame of ``size`` bytes was logged at ``step``."""
         self.logged += 1
@@ -122,9 +133,8 @@ class FrameBudget:
         if self.every is not None:
             self._next = step + self.every
             return
-        rest = max(self.steps - step, 1)
-        left = min(max(self.frames - self.logged, 1), max((self.bytes - self._spent) // max(size, 1), 1))
-        self._next = step + max(-(-rest // left), 1)
+        rest, left = max(self.steps - step, 1), max(self.frames - self.logged, 1)
+        self._next = step + max(rest // left, 1)
 
 
 @cache
@@ -150,16 +160,40 @@ def occupancy(log_odds: NDArray[np.float32], hit: float, miss: float) -> tuple[N
 
 
 def grid_map(grid: OccupancyGrid) -> Cells:
-    """The known part of the grid. Row 0 is the top in both.
+    """The known part of a grid. Row 0 is the top in both.
 
     Gaps between free cells are pale, narrow ones nearly white: a room that a few scans saw looks like one that many
     did, whose rays lie closer. A drawing: the grid, and the exported map, keep them unknown.
     """
-    cells, rows, columns = occupancy(grid.log_odds, grid.config.log_odds_hit, grid.config.log_odds_miss)
+    drawn, rows, columns = _drawn(grid.log_odds, grid)
+    left, bottom = grid.lower_left
+    corner = (left + columns.start * grid.cell, bottom + (grid.shape[0] - rows.stop) * grid.cell, MAP.z)
+    return Cells(drawn, grid.cell, corner)
+
+
+def _drawn(log_odds: NDArray[np.float32], grid: OccupancyGrid) -> tuple[NDArray[np.uint8], slice, slice]:
+    """The known part of log-odds of the grid's kind, gaps bridged, and its rows and columns."""
+    cells, rows, columns = occupancy(log_odds, grid.config.log_odds_hit, grid.config.log_odds_miss)
     drawn = cells
     for gap, tint in GAPS:
         drawn = kernels.bridge(cells, drawn, round(gap / grid.cell), 50, UNKNOWN, tint)
-    return _placed(drawn, grid, rows, columns, MAP.z)
+    return drawn, rows, columns
+
+
+def gap_halo(cell: float) -> int:
+    """How many cells round a block decide on what the gaps in it look like."""
+    return max(round(gap / cell) for gap, _ in GAPS) + 1
+
+
+def map_block(grid: OccupancyGrid, tiled: Tiled, box: Box) -> NDArray[np.uint8]:
+    """A box of the grid's cells as in :func:`grid_map`, unknown ones too."""
+    halo = gap_halo(grid.cell)
+    top, left, bottom, right = box
+    log_odds = tiled.dense((top - halo, left - halo, bottom + halo, right + halo))
+    drawn, rows, columns = _drawn(log_odds, grid)
+    out = np.full(log_odds.shape, UNKNOWN, np.uint8)
+    out[rows, columns] = drawn
+    return out[halo:-halo, halo:-halo]
 
 
 def _slices(box: NDArray[np.int64]) -> tuple[slice, slice]:
@@ -167,40 +201,30 @@ def _slices(box: NDArray[np.int64]) -> tuple[slice, slice]:
     return slice(top, bottom + 1), slice(left, right + 1)
 
 
-def _placed(
-    values: NDArray[np.uint8], grid: "OccupancyGrid | FloorTexture", rows: slice, columns: slice, z: float
-) -> Cells:
-    """``values``, those of ``grid`` at ``rows`` and ``columns``, in their place."""
-    left, bottom = grid.lower_left
-    corner = (left + columns.start * grid.cell, bottom + (grid.shape[0] - rows.stop) * grid.cell, z)
-    return Cells(values, grid.cell, corner)
+def texture_block(colors: Tiled, weight: Tiled, box: Box) -> NDArray[np.uint8]:
+    """A box of a floor texture's cells as RGBA, transparent where nothing was painted."""
+    painted = weight.dense(box) > 0
+    out = np.empty((*painted.shape, 4), np.uint8)
+    out[..., :3] = colors.dense(box)
+    out[..., 3] = painted * np.uint8(255)
+    return out
 
 
-def texture_map(texture: "FloorTexture") -> Cells:
-    """The painted part of the floor texture, transparent elsewhere."""
-    rows, columns = _slices(kernels.known_box(texture.weight))
-    painted = texture.weight[rows, columns] > 0
-    colors = np.empty((*painted.shape, 4), np.uint8)
-    colors[..., :3] = texture.color[rows, columns]
-    colors[..., 3] = painted * np.uint8(255)
-    return _placed(colors, texture, rows, columns, TEXTURE.z)
-
-
-def walls(grid: OccupancyGrid) -> Boxes:
-    """The occupied cells as boxes, one for each run of them in a row, centred (z too) on :data:`WALL_HEIGHT` / 2."""
-    occupied = np.pad(grid.occupied > 0, ((0, 0), (1, 1)))
+def wall_block(grid: OccupancyGrid, tiled: Tiled, box: Box) -> Boxes:
+    """The occupied cells of a box as boxes, one for each run of them in a row, centred (z too) on half their height."""
+    top, left = box[:2]
+    occupied = np.pad(tiled.dense(box) > grid.threshold, ((0, 0), (1, 1)))
     width = occupied.shape[1] - 1
     changes = np.flatnonzero(
         occupied[:, 1:] != occupied[:, :-1]
     )  # in row order: where a run begins, where it ends, ...
     (rows, first), last = divmod(changes[::2], width), changes[1::2] % width
-    left = grid.centers(np.stack([rows, first], axis=-1))
     half = np.full((len(rows), 3), grid.cell / 2, np.float32)
     half[:, 0] *= last - first
     half[:, 2] = WALL_HEIGHT / 2
     centers = np.full((len(rows), 3), WALL_HEIGHT / 2, np.float32)
-    centers[:, 0] = left[:, 0] - grid.cell / 2 + half[:, 0]
-    centers[:, 1] = left[:, 1]
+    centers[:, 0] = (left + first) * grid.cell + half[:, 0]
+    centers[:, 1] = -(top + rows + 0.5) * grid.cell
     return Boxes(centers, half)
 
 

@@ -14,7 +14,7 @@ from pfslam_viz.robot import CameraGeometry
 from pfslam_viz.viewer import archetypes, colors, entities, pages, style
 from pfslam_viz.viewer.blueprint import blueprint
 from pfslam_viz.viewer.colors import Color
-from pfslam_viz.viewer.contents import Cells, TimedContent
+from pfslam_viz.viewer.contents import Boxes, Cells, TimedContent
 from pfslam_viz.viewer.entities import ONLY_RUN, RUN_CURVES, Entity
 from pfslam_viz.viewer.framing import Framing, out_of_view
 from pfslam_viz.viewer.scan_batch import ScanBatch, distance, error_levels
@@ -34,7 +34,7 @@ class Drawing:
         recording: what is replayed.
         config: with which settings.
         sink: where it goes.
-        max_particles: at most so many of a scan are drawn.
+        max_particles: at most so many of a scan are drawn; None: as many as there are.
         run: what the run is called in the paths of its entities.
         color: the run's colour.
         shared: whether to draw what runs have in common: dead reckoning and truth.
@@ -46,7 +46,7 @@ class Drawing:
         recording: Recording,
         config: Config,
         sink: Sink,
-        max_particles: int,
+        max_particles: int | None,
         *,
         run: str = ONLY_RUN,
         color: Color = colors.FILTER,
@@ -55,7 +55,7 @@ class Drawing:
     ) -> None:
         self.recording, self.config, self.sink, self.run = recording, config, sink, run
         self.logged: set[str] = set()
-        self._max_particles, self._shared = max_particles, shared
+        self._max_particles, self._shared = max_particles or config.particles, shared
         self._trails: dict[Entity, Trail] = {}
         self._relative = relative
         self._spreads = np.zeros(0)
@@ -73,11 +73,12 @@ class Drawing:
             self._draw_plots(scans)
             if self._shared:
                 self._draw_shared(scans)
-        by_path: dict[str, list[TimedContent]] = {}
+        by_path: dict[tuple[str, str], list[TimedContent]] = {}
         for content in contents:
-            by_path.setdefault(content.path, []).append(content)
-        for path, shown in by_path.items():
-            self._draw_contents(path, shown)
+            by_path.setdefault((content.path, content.part), []).append(content)
+        for (path, part), shown in by_path.items():
+            self.logged.add(path)
+            self._draw_contents(f"{path}/{part}" if part else path, shown)
         self.sink.push()
 
     def finish(self, framing: Framing | None, left_out: Sequence[str], result: Result) -> None:
@@ -167,12 +168,13 @@ class Drawing:
         revised: Sequence[Points | None] | None = None,
     ) -> None:
         trail = self._trails.setdefault(row, Trail(len(self.recording), points.shape[1]))
-        finished, open_strips = trail.extend(points, revised)
-        done, latest = row.visible(self.run)
+        done, between, open_strips = trail.extend(points, revised)
+        *paths, latest = row.visible(self.run)
         self._send_rows(latest, scans.index, scans.time, columns(open_strips, row.z))
-        if finished:
-            rows = [k for k, _ in finished]
-            self._send_rows(done, scans.index[rows], scans.time[rows], columns([s for _, s in finished], row.z))
+        for path, strips in zip(paths, (done, between), strict=True):
+            if strips:
+                rows = [k for k, _ in strips]
+                self._send_rows(path, scans.index[rows], scans.time[rows], columns([s for _, s in strips], row.z))
 
     def _draw_plots(self, scans: ScanBatch) -> None:
         curves: dict[str, Any] = {
@@ -209,6 +211,8 @@ class Drawing:
 
     def _draw_contents(self, path: str, contents: Sequence[TimedContent]) -> None:
         """Contents of one entity; few at a time where they are large."""
+        if path not in self.logged and isinstance(contents[0].content, Boxes):
+            style.style_walls(self.sink, path)
         largest = max(p.content.values.nbytes if isinstance(p.content, Cells) else 0 for p in contents)
         at_once = max(CHUNK_BYTES // largest, 1) if largest else len(contents)
         for k in range(0, len(contents), at_once):

@@ -40,7 +40,7 @@ class Kind(Enum):
     DOT = auto()  # one point, moved by transforms
     ELLIPSE = auto()  # a unit circle, moved and stretched by transforms
     ROBOT = auto()  # an arrow head, moved by transforms
-    TRAIL = auto()  # a growing trajectory in two entities: pfslam_viz.viewer.trail
+    TRAIL = auto()  # a growing trajectory in three entities: pfslam_viz.viewer.trail
     GRID = auto()  # cells on the floor: a map or a texture
     CAMERA = auto()  # a pinhole in the scene and its image
     IMAGE = auto()  # an image by itself
@@ -102,7 +102,7 @@ class Entity:
 
     def visible(self, run: str) -> tuple[str, ...]:
         """The entity paths that carry what is visible of it: parts of it, or itself."""
-        parts = {Kind.TRAIL: ("/done", "/open"), Kind.ROBOT: ("/shape", "/outline")}.get(self.kind, ("",))
+        parts = {Kind.TRAIL: ("/done", "/between", "/open"), Kind.ROBOT: ("/shape", "/outline")}.get(self.kind, ("",))
         return tuple(self.path(run) + part for part in parts)
 
     @property

@@ -92,17 +92,17 @@ def _extent(poses: Array) -> tuple[Array, Array] | None:
 
 
 def _walls(grid: OccupancyGrid) -> tuple[Array, Array] | None:
-    cells = np.argwhere(grid.occupied)
-    if not len(cells):
+    positions = grid.wall_positions()
+    if not len(positions):
         return None
-    low, high = np.percentile(grid.centers(cells), OUTLIERS, axis=0)
+    low, high = np.percentile(positions, OUTLIERS, axis=0)
     return low, high
 
 
 def _outline(results: Sequence[Result], low: Array, high: Array) -> Array:
     """The outmost of the walls and trajectories inside a box, (k, 2): those that lie furthest in any direction."""
     points = [poses[:, :2] for r in results for poses in (r.online, r.estimate) if len(poses)]
-    points += [r.grid.centers(np.argwhere(r.grid.occupied)) for r in results]
+    points += [r.grid.wall_positions() for r in results]
     every = np.concatenate(points)
     inside = every[((every >= low) & (every <= high)).all(axis=1)]
     angles = np.linspace(0.0, 2 * np.pi, 48, endpoint=False)
@@ -158,16 +158,18 @@ def overhead_size(aspect: float = ASPECT) -> tuple[int, int]:
 
 
 def overhead_camera(
-    center: tuple[float, float], height_on_floor: float, aspect: float = ASPECT, above: float = 50.0
+    center: tuple[float, float], height_on_floor: float, aspect: float = ASPECT, above: float | None = None
 ) -> tuple["rr.Transform3D", "rr.Pinhole"]:
     """A pinhole over ``center`` that sees ``height_on_floor`` m of z = 0 from top to bottom, y up, x to the right.
 
-    It hangs ``above`` m over the floor: high enough to look straight down, low enough for the viewer's arithmetic.
+    It hangs ``above`` m over the floor: high enough to look straight down, low enough for the viewer's arithmetic. None
+    takes 50 m, or the height of what it sees: from lower, lines at the edge would look thicker.
     A Spatial2DView whose origin it is shows the scene as a map that pans and zooms only.
     """
     import rerun as rr
 
     width, height = overhead_size(aspect)
+    above = max(50.0, height_on_floor) if above is None else above
     down = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]
     return (
         rr.Transform3D(translation=[*center, above], mat3x3=down),

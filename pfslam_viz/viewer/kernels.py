@@ -53,6 +53,23 @@ def shade(
     return out, box
 
 
+@kernel("u4[:, :, ::1], i8[::1]")
+def fingerprints(pool: NDArray[np.uint32], index: NDArray[np.int64]) -> NDArray[np.uint32]:
+    """A number for each of the tiles ``index`` (k,) of a ``pool`` (n, s, s) that changes with any of its cells."""
+    out = np.empty(len(index), np.uint32)
+    odd = np.uint32(2654435769)  # 2^32 over the golden ratio
+    for k in range(len(index)):
+        tile = pool[index[k]]
+        total = np.uint32(0)
+        for i in range(tile.shape[0]):
+            place = np.uint32(i * 40503 + 1)
+            for j in range(tile.shape[1]):  # vectorised by the compiler
+                bits = tile[i, j] ^ (tile[i, j] >> np.uint32(15))
+                total += np.uint32(bits * (place + np.uint32(j) * np.uint32(2) | np.uint32(1)) * odd)
+        out[k] = total
+    return out
+
+
 @kernel("u1[:, ::1], u1[:, ::1], i8, i8, i8, i8")
 def bridge(
     cells: NDArray[np.uint8], drawn: NDArray[np.uint8], most: int, free: int, unknown: int, tint: int

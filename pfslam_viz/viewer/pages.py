@@ -86,8 +86,8 @@ def _lines(row: Entity, run: str, run_color: Color) -> list[tuple[str, str]]:
     text = row.help.format(color=COLOR_NAMES[color] if color else "")
     if row.kind is not Kind.TRAIL:
         return [(row.path(run), text)]
-    done, latest = row.visible(run)
-    return [(done, text), (latest, f"{text.split(':')[0]}: its latest stretch")]
+    done, *latest = row.visible(run)
+    return [(done, text), *((path, f"{text.split(':')[0]}: its latest stretch") for path in latest)]
 
 
 def _list(title: str, rows: list[tuple[str, str]], known: set[str] | None) -> list[str]:

@@ -68,7 +68,7 @@ def replay_stream(
     recording: Recording, config: Config, sink: Sink, options: StreamOptions | None = None
 ) -> ReplayStream:
     """The stream of a recording's only run to a sink."""
-    options = options or StreamOptions()
+    options = (options or StreamOptions()).settled(len(recording))
     color = run_colors([config])[0]
     drawing = Drawing(recording, config, sink, options.max_particles, color=color)
     send_scene([drawing], Framing.of_recording(recording))

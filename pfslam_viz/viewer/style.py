@@ -46,6 +46,15 @@ def style_shared(sink: Sink, recording: Recording) -> None:
             _style(sink, row, row.owner, colors.DEAD_RECKONING, None)
 
 
+def style_walls(sink: Sink, path: str) -> None:
+    """Style a block of walls (:mod:`pfslam_viz.viewer.blocks`) as the others."""
+    sink.log_static(path, _boxes(entities.WALLS.color))
+
+
+def _boxes(color: Any) -> rr.Boxes3D:
+    return rr.Boxes3D.from_fields(colors=color, fill_mode=rr.components.FillMode.Solid)
+
+
 def log_framing(sink: Sink, framing: Framing, truth: bool) -> None:
     """Point the overview's camera at a piece of floor; with ``truth``, put the colours of errors there."""
     sink.log_static(entities.OVERVIEW, *overhead_camera(framing.center, framing.height, framing.aspect))
@@ -123,7 +132,7 @@ def _style(
         case Kind.LINES | Kind.TRAIL:
             style = rr.LineStrips3D.from_fields(colors=color, radii=radius)
         case Kind.BOXES:
-            style = rr.Boxes3D.from_fields(colors=color, fill_mode=rr.components.FillMode.Solid)
+            style = _boxes(color)
         case Kind.DOT:
             style = rr.Points3D([[0, 0, 0]], colors=color, radii=radius)
         case Kind.ELLIPSE:

@@ -1,7 +1,8 @@
-"""A growing trajectory in two entities, so that a file stays small and a seek fast.
+"""A growing trajectory in three entities, so that a file stays small and a seek fast.
 
-``done`` holds the whole trajectory every √n scans; ``open`` holds, at every scan, the stretch since then. Together they
-are exactly the points up to a scan, the point between them in both.
+With m the cube root of the number of scans: ``done`` holds the whole trajectory every m² scans; ``between``, every m
+scans, the stretch since then; ``open``, at every scan, the stretch since that. Together they are exactly the points up
+to a scan, those where they meet twice. Of n scans that is n^(4/3) points in all.
 """
 
 from collections.abc import Sequence
@@ -12,24 +13,27 @@ from numpy.typing import NDArray
 Points = NDArray[np.float32]
 
 
+Strips = list[tuple[int, Points]]  # a row, and the strip that is shown from there on
+
+
 class Trail:
     """The trajectory of one thing over ``scans`` scans; with ``width`` 3, each of its points carries a number too."""
 
     def __init__(self, scans: int, width: int = 2) -> None:
         self._points = np.empty((scans, width), np.float32)
-        self._count = self._done = 0
-        self.every = max(int(np.sqrt(scans)), 2)
+        self._count = self._done = self._between = 0
+        self.every = max(round(np.cbrt(scans)), 2)
 
     def extend(
         self, poses: NDArray[np.float64], revised: Sequence[Points | None] | None = None
-    ) -> tuple[list[tuple[int, Points]], list[Points]]:
+    ) -> tuple[Strips, Strips, list[Points]]:
         """Append poses (n, 3), of which x and y count, or n points of three numbers where these are kept.
 
         ``revised`` (n,) holds, where all that came before turned out to be different, the whole trajectory up to there
-        (m, 2). Returns the ``done`` strips with the row (index into ``poses``) each belongs to, and an ``open`` strip a
-        row.
+        (m, 2). Returns the ``done`` and the ``between`` strips with the row (index into ``poses``) each belongs to, and
+        an ``open`` strip a row.
         """
-        done, strips = [], []
+        done, between, strips = [], [], []
         for row, pose in enumerate(poses):
             k = self._count
             self._count += 1
@@ -37,11 +41,15 @@ class Trail:
             anew = None if revised is None else revised[row]
             if anew is not None:
                 self._points[: k + 1] = anew
-            if anew is not None or k % self.every == 0:
-                self._done = k
+            if anew is not None or k % self.every**2 == 0:
+                self._done = self._between = k
                 done.append((row, self._points[: k + 1].copy()))
-            strips.append(self._points[self._done : k + 1].copy())
-        return done, strips
+                between.append((row, self._points[k : k + 1].copy()))
+            elif k % self.every == 0:
+                self._between = k
+                between.append((row, self._points[self._done : k + 1].copy()))
+            strips.append(self._points[self._between : k + 1].copy())
+        return done, between, strips
 
 
 def level_pieces(points: Points) -> list[tuple[Points, int]]:

@@ -20,7 +20,7 @@ def test_the_route_is_clear_and_the_building_closed(name: str, seed: int, floor_
     rng = np.random.default_rng(seed)
     world = build(name, rng)
     drive = drive_along(world.route, rng, DriveConfig())
-    poses = drive.poses[::40]
+    poses = drive.poses[:: max(40, len(drive.poses) // 1500)]
     ranges, _ = true_ranges(world.walls, poses, np.linspace(-np.pi, np.pi, 361)[:-1])
     assert np.isfinite(ranges).all()
     assert ranges.min() > 0.33  # the robot is half a metre wide
@@ -50,6 +50,13 @@ def test_hallway_has_a_u_turn_at_each_end() -> None:
     assert route[:, 0].max() - route[:, 0].min() > 25.0
 
 
+def test_campus_is_2_km_that_cross_themselves() -> None:
+    route = build("campus", np.random.default_rng(0)).route
+    assert geometry.path_length(np.column_stack([route, np.zeros(len(route))])) == pytest.approx(2000.0, abs=150.0)
+    assert np.ptp(route[:, 0]) > 350.0 and np.ptp(route[:, 1]) > 230.0
+    assert len(np.unique(route.round(3), axis=0)) < len(route)  # a corner that it comes back to
+
+
 def test_seeds_differ_and_repeat() -> None:
     first, again, other = (build("office", np.random.default_rng(s)).walls for s in (1, 1, 2))
     assert np.array_equal(first, again)
@@ -57,5 +64,5 @@ def test_seeds_differ_and_repeat() -> None:
 
 
 def test_unknown_building_is_an_input_error() -> None:
-    with pytest.raises(InputError, match="'castle'; there are office, ring, hallway"):
+    with pytest.raises(InputError, match="'castle'; there are office, ring, hallway, campus"):
         build("castle", np.random.default_rng(0))

@@ -105,6 +105,13 @@ def test_replaces_a_simulated_recording_and_nothing_else(tmp_path: Path) -> None
     assert [p.name for p in mine.iterdir()] == ["thesis.txt"]
 
 
+def test_the_scan_rate_is_the_lidars_alone(folder: Path, tmp_path: Path) -> None:
+    slow = contents(simulate(tmp_path / "slow", seed=4, duration=9.0, frames=False, scan_rate=10.0))
+    with np.load(tmp_path / "slow" / "Hokuyo1.npz") as lidar:
+        assert len(lidar["time_stamps"]) == pytest.approx(90, abs=2)
+    assert slow["Encoders1.npz"] == contents(folder)["Encoders1.npz"]
+
+
 def test_a_failure_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*args: object) -> None:
         raise KeyboardInterrupt
@@ -123,6 +130,7 @@ def test_a_failure_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.Mon
         ({"wheel_scale": 0.0}, "wheel_scale"),
         ({"slip": -0.1}, "slip"),
         ({"seed": -1}, "seed"),
+        ({"scan_rate": 0.0}, "scan_rate"),
     ],
 )
 def test_wrong_options_are_input_errors(options: dict[str, object], message: str, tmp_path: Path) -> None:

@@ -134,7 +134,7 @@ class Corridor:
         frames = self.recording.frames
         assert frames is not None
         texture = FloorTexture(frames.camera, self.config.texture, steps[-1].grid.cell)
-        texture.color[100:110, 200:220], texture.weight[100:110, 200:220] = (200, 90, 40), 1.0
+        texture.color[70:80, 60:90], texture.weight[70:80, 60:90] = (200, 90, 40), 1.0
         return texture
 
 

@@ -46,10 +46,11 @@ def test_a_trajectory_has_the_colour_of_its_error_at_every_scan(
         if s.truth is not None
     ]
     assert len({color_of(e) for e in errors}) >= 3 and len(errors) == 60
-    done, latest = file.temporal(f"world/{whose}/error/done"), file.temporal(f"world/{whose}/error/open")
+    done, between, latest = (file.temporal(f"world/{whose}/error/{part}") for part in ("done", "between", "open"))
     assert [row["step"] for row in latest] == list(range(60))
     for k in (0, 6, 7, 33, 59):
-        found = segments([row for row in done if row["step"] <= k][-1]) + segments(latest[k])
+        older = [segments([row for row in part if row["step"] <= k][-1]) for part in (done, between)]
+        found = [*older[0], *older[1], *segments(latest[k])]
         assert len(found) == k
         for i, (start, end, color) in enumerate(found):
             assert start == pytest.approx(poses[i][:2], abs=1e-5) and end == pytest.approx(poses[i + 1][:2], abs=1e-5)

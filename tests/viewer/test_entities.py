@@ -18,7 +18,7 @@ def test_runs_have_paths_of_their_own() -> None:
     assert entities.MAP.path("paper") == "world/paper/map"
     assert entities.N_EFF.path("paper") == "plots/n_eff/paper"
     assert entities.RECKONED_MAP.path("paper") == "world/dead_reckoning/map"
-    assert entities.TRAJECTORY.visible("a") == ("world/a/trajectory/done", "world/a/trajectory/open")
+    assert entities.TRAJECTORY.visible("a") == tuple(f"world/a/trajectory/{p}" for p in ("done", "between", "open"))
 
 
 def test_no_path_is_there_twice() -> None:

@@ -15,7 +15,7 @@ from pfslam_viz.viewer import entities
 from pfslam_viz.viewer.collector import Collector, StreamOptions
 from pfslam_viz.viewer.contents import Boxes, Cells, Lines, Spots, grid_map
 from pfslam_viz.viewer.events import Chronicle
-from pfslam_viz.viewer.trail import Trail
+from pfslam_viz.viewer.trail import Strips, Trail
 
 if TYPE_CHECKING:
     from tests.viewer.conftest import Corridor
@@ -29,11 +29,13 @@ SCANS = 20
 # The trail
 
 
-def shown(done: Sequence[tuple[int, Points]], strips: Sequence[Points], row: int) -> list[list[float]]:
-    """The points on the screen at a row: the last finished strip, and the open one, which begins where that ends."""
-    finished = [strip for at, strip in done if at <= row][-1]
-    np.testing.assert_array_equal(strips[row][0], finished[-1])
-    return [*finished.tolist(), *strips[row][1:].tolist()]
+def shown(done: Strips, between: Strips, strips: Sequence[Points], row: int) -> list[list[float]]:
+    """The points on the screen at a row: of each of the three the newest, which begin where the one before ends."""
+    whole: list[list[float]] = [strip for at, strip in done if at <= row][-1].tolist()
+    for stretch in ([strip for at, strip in between if at <= row][-1], strips[row]):
+        assert stretch[0].tolist() == whole[-1]
+        whole += stretch[1:].tolist()
+    return whole
 
 
 def along(count: int, y: float = 0.0) -> Points:
@@ -41,15 +43,15 @@ def along(count: int, y: float = 0.0) -> Points:
 
 
 def test_all_that_came_before_jumps_where_it_is_revised() -> None:
-    """A done strip every 4 of 16 scans. After the sixth all so far lies 1 m to the left, the newest pose included."""
+    """A done strip every 9 of 16 scans. After the sixth all so far lies 1 m to the left, the newest pose included."""
     poses = np.column_stack([along(16), np.zeros(16)]).astype(np.float64)
     poses[6:, 1] = 1.0
     revised: list[Points | None] = [None] * 16
     revised[5] = along(6, 1.0)
-    done, strips = Trail(16).extend(poses, revised)
-    assert [row for row, _ in done] == [0, 4, 5, 8, 12]
+    done, between, strips = Trail(16).extend(poses, revised)
+    assert [row for row, _ in done] == [0, 5, 9]
     for row in range(16):
-        assert shown(done, strips, row) == along(row + 1, 0.0 if row < 5 else 1.0).tolist()
+        assert shown(done, between, strips, row) == along(row + 1, 0.0 if row < 5 else 1.0).tolist()
 
 
 def test_a_revision_reaches_back_over_batches() -> None:
@@ -59,19 +61,19 @@ def test_a_revision_reaches_back_over_batches() -> None:
     anew = along(9, 2.0)
     poses = np.zeros((5, 3))
     poses[:, 0] = np.arange(6, 11)
-    done, strips = trail.extend(poses, [None, None, anew, None, along(11, 3.0)])
-    assert [row for row, _ in done] == [2, 4]  # the eighth scan is the one that would have been due
+    done, between, strips = trail.extend(poses, [None, None, anew, None, along(11, 3.0)])
+    assert [row for row, _ in done] == [2, 3, 4]  # the tenth scan is the one that was due
     assert done[0][1].tolist() == along(9, 2.0).tolist()
-    assert shown(done, strips, 3) == [*along(9, 2.0).tolist(), [9.0, 0.0]]
-    assert shown(done, strips, 4) == along(11, 3.0).tolist()
+    assert shown(done, between, strips, 3) == [*along(9, 2.0).tolist(), [9.0, 0.0]]
+    assert shown(done, between, strips, 4) == along(11, 3.0).tolist()
     np.testing.assert_array_equal(anew, along(9, 2.0))
 
 
 def test_a_trail_without_revisions_is_as_ever() -> None:
     poses = np.column_stack([along(10), np.zeros(10)]).astype(np.float64)
     one, other = Trail(10).extend(poses), Trail(10).extend(poses, [None] * 10)
-    assert [row for row, _ in one[0]] == [row for row, _ in other[0]] == [0, 3, 6, 9]
-    for a, b in zip(one[1], other[1], strict=True):
+    assert [row for row, _ in one[0]] == [row for row, _ in other[0]] == [0, 4, 8]
+    for a, b in zip(one[2], other[2], strict=True):
         np.testing.assert_array_equal(a, b)
 
 

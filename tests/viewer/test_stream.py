@@ -93,13 +93,14 @@ def test_there_is_a_row_for_every_scan(file: "Readable", recorded: "Recorded", e
 def test_the_trajectory_at_a_scan_has_exactly_the_points_up_to_it(
     file: "Readable", recorded: "Recorded", trail: str, pose: Callable[[Step], Any]
 ) -> None:
-    done, latest = file.temporal(f"{trail}/done"), file.temporal(f"{trail}/open")
+    done, between, latest = (file.temporal(f"{trail}/{part}") for part in ("done", "between", "open"))
     expected = np.array([pose(step)[:2] for step in recorded.steps])
     for k in (0, 1, 6, 7, 8, 33, len(recorded.steps) - 1):
         whole = [row for row in done if row["step"] <= k][-1]["strips"][0]
-        stretch = latest[k]["strips"][0]
-        assert whole[-1][:2] == stretch[0][:2]  # they share the point where they meet
-        points = np.array(whole + stretch[1:])[:, :2]
+        for stretch in ([row for row in between if row["step"] <= k][-1]["strips"][0], latest[k]["strips"][0]):
+            assert whole[-1][:2] == stretch[0][:2]  # they share the point where they meet
+            whole = whole + stretch[1:]
+        points = np.array(whole)[:, :2]
         np.testing.assert_allclose(points, expected[: k + 1], atol=1e-5)
 
 
@@ -256,17 +257,25 @@ def test_large_pictures_are_sent_few_at_a_time(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Sixty-one maps, two at a time, one at a time where one is more than the limit, or at once; the same rows."""
+    """All maps at once, two at a time, or one at a time where one is more than the limit; the same rows."""
     files: list[Readable] = []
-    for limit, most in ((100_000_000, 61), (None, 2), (1, 1)):
+    for limit, most in ((100_000_000, None), (None, 2), (1, 1)):
         if limit is None:
             limit = 2 * max(len(row["data"][0]) for row in files[0].rows("world/filter/map"))
         monkeypatch.setattr(drawing, "CHUNK_BYTES", limit)
         made = make_recording(plain_corridor, tmp_path / f"{limit}.rrd", StreamOptions(map_every=1))
         files.append(read_back(made.path))
-        assert max(files[-1].chunks("world/filter/map")) == most
-        assert sum(files[-1].chunks("world/filter/map")) == 61
+        rows = len(files[0].rows("world/filter/map"))
+        assert 50 < rows <= 61
+        assert max(files[-1].chunks("world/filter/map")) == (most or rows)
+        assert sum(files[-1].chunks("world/filter/map")) == rows
         assert files[-1].temporal("world/filter/map") == files[0].temporal("world/filter/map")
+
+
+def test_long_recordings_draw_less_of_a_scan_unless_told() -> None:
+    assert StreamOptions().settled(4_785) == StreamOptions(None, 500, 270)
+    assert StreamOptions().settled(20_000) == StreamOptions(None, 120, 120)
+    assert StreamOptions(7, 500, None).settled(10**6) == StreamOptions(7, 500, 30)
 
 
 def test_nothing_is_left_out_silently(recorded: "Recorded") -> None:

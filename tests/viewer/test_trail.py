@@ -3,19 +3,31 @@ import numpy as np
 from pfslam_viz.viewer.trail import Trail, level_pieces
 
 
-def test_done_and_open_are_exactly_the_points_so_far() -> None:
-    poses = np.arange(30.0).reshape(10, 3)
-    trail = Trail(10)  # a done strip every 3 scans
+def test_the_three_are_exactly_the_points_so_far() -> None:
+    """Of 30 scans, whose cube root is about 3: a strip of all every 9, one since then every 3, and the rest."""
+    poses = np.arange(90.0).reshape(30, 3)
+    trail = Trail(30)
     for block in (poses[:4], poses[4:5], poses[5:]):
         first = int(block[0, 0] / 3)
-        finished, strips = trail.extend(block)
+        done, between, strips = trail.extend(block)
         for row, strip in enumerate(strips):
             k = first + row
-            start = (k // 3) * 3
-            np.testing.assert_array_equal(strip, poses[start : k + 1, :2])
-        assert [first + row for row, _ in finished] == [k for k in range(first, first + len(block)) if k % 3 == 0]
-        for row, strip in finished:
+            np.testing.assert_array_equal(strip, poses[k // 3 * 3 : k + 1, :2])
+        assert [first + row for row, _ in done] == [k for k in range(first, first + len(block)) if k % 9 == 0]
+        assert [first + row for row, _ in between] == [k for k in range(first, first + len(block)) if k % 3 == 0]
+        for row, strip in done:
             np.testing.assert_array_equal(strip, poses[: first + row + 1, :2])
+        for row, strip in between:
+            np.testing.assert_array_equal(strip, poses[(first + row) // 9 * 9 : first + row + 1, :2])
+
+
+def test_a_long_trail_stays_small() -> None:
+    """8 times the scans, 16 times the points, and not 23 as with a strip every square root of them."""
+    sizes = []
+    for scans in (1_000, 8_000):
+        done, between, strips = Trail(scans).extend(np.zeros((scans, 3)))
+        sizes.append(sum(len(strip) for _, strip in [*done, *between]) + sum(map(len, strips)))
+    assert sizes[1] < 17 * sizes[0] and sizes[1] < 2 * 8_000 ** (4 / 3)
 
 
 def test_pieces_of_one_level_meet() -> None:

@@ -44,15 +44,17 @@ def likelihood_field(
     """
     import cv2
 
-    occupied = grid.occupied > 0
+    window, origin = grid.window()
+    occupied = window > 0
     if not occupied.any() or len(points) == 0:
         return np.zeros(len(particles))
     distance = cv2.distanceTransform((~occupied).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * grid.cell
     log_field = np.log((1 - config.outliers) * np.exp(-0.5 * (distance / config.sigma) ** 2) + config.outliers)
     log_likelihood = np.empty(len(particles))
     for k, particle in enumerate(particles):
-        rows, columns = grid.cells(geometry.transform(particle, points)).T
-        inside = (rows >= 0) & (columns >= 0) & (rows < grid.shape[0]) & (columns < grid.shape[1])
+        x, y = geometry.transform(particle, points).T / grid.cell
+        rows, columns = np.floor(-y).astype(np.int64) + origin[0], np.floor(x).astype(np.int64) + origin[1]
+        inside = (rows >= 0) & (columns >= 0) & (rows < window.shape[0]) & (columns < window.shape[1])
         outside = len(points) - np.count_nonzero(inside)
         log_likelihood[k] = log_field[rows[inside], columns[inside]].sum() + outside * np.log(config.outliers)
     return np.asarray(np.exp(config.temper * (log_likelihood - log_likelihood.max())), np.float64)

@@ -318,6 +318,8 @@ class RaoBlackwellizedFilter(Belief):
         self._weighed = (geometry.compose(to, geometry.between(at, particles)), weights)
         self._best = geometry.compose(to, geometry.between(at, self._best))
         self._history.rebase(self._leader, revised.poses, self._particles)
+        self._maps = TileMaps(1, self._maps.settings)  # the old ones go first: they are as large as the new ones
+        self._grid.show(self._maps, 0)
         self._maps = self._redrawn(revised.poses)
         self._maps.spread(len(self._particles))
         self._grid.show(self._maps, self._leader)

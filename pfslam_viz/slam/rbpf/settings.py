@@ -63,7 +63,7 @@ class RaoBlackwellizedConfig(Section):
     search_angle: float = setting(0.02, "first step of the search for the optimum", "rad", gt=0)
     search_halvings: int = setting(4, "times that the steps are halved", ge=0, le=10)
     search_moves: int = setting(120, "moves that are tried with one step, at most", ge=6)
-    samples: int = setting(30, "poses sampled round the optimum", ge=1)
+    samples: int = setting(30, "poses sampled round the optimum", ge=1, le=10_000)
     sample_distance: float = setting(0.01, "their spread", "m", gt=0)
     sample_angle: float = setting(0.005, "their spread", "rad", gt=0)
     noise_distance: float = setting(0.05, "odometry: m of error per m driven", gt=0)
@@ -103,5 +103,6 @@ class RbpfConfig(GraphConfig):
     """The filter with a map per particle, and what settles its trajectory in hindsight."""
 
     backend: Literal["rao_blackwellized"] = setting("rao_blackwellized", "N trajectories, each with a map of its own")
+    particles: int = setting(500, "N, the number of particles, each with a map of its own", ge=1, le=1_000)
     rao_blackwellized: RaoBlackwellizedConfig = RaoBlackwellizedConfig()
     uncertainty: UncertaintyConfig = UncertaintyConfig()

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pfslam_viz.slam.rbpf.settings import RbpfConfig
 from pfslam_viz.slam.rbpf.tile_kernels import BITS, SIZE, Field, Floats, join, project, write_scans
+from pfslam_viz.slam.tiles import Tiled, enlarged
 
 FIRST_TILES = 256
 
@@ -126,6 +127,13 @@ class TileMaps:
         """One map's log-odds (rows, columns) as an array of its own, and the row and column of the world's origin."""
         return join(self.table[index], self.log_odds), (int(self.origin[0]), int(self.origin[1]))
 
+    def tiled(self, index: int) -> Tiled:
+        """One map's log-odds in tiles, without a copy."""
+        table = self.table[index]
+        rows, columns = np.nonzero(table)
+        origin = self.origin // SIZE
+        return Tiled(rows - origin[0], columns - origin[1], table[rows, columns], self.log_odds)
+
     def _reach(self, lowest: Floats, highest: Floats) -> None:
         """Grow the tables until the world box from ``lowest`` to ``highest`` (x, y) m lies inside."""
         top_left = np.floor(np.array([-highest[1], lowest[0]]) / self.cell).astype(np.int64) + self.origin
@@ -139,8 +147,7 @@ class TileMaps:
 
     def _add_tiles(self) -> None:
         more = len(self.log_odds)
-        self.log_odds = np.concatenate([self.log_odds, np.zeros_like(self.log_odds)])
-        self.field = np.concatenate([self.field, np.zeros_like(self.field)])
+        self.log_odds, self.field = enlarged(self.log_odds, more), enlarged(self.field, more)
         self._references = np.concatenate([self._references, np.zeros(more, np.int32)])
         self._count_references()
 
