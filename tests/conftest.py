@@ -19,8 +19,8 @@ SHARED_DATA = Path(__file__).resolve().parents[1].parent / "shared" / "data"
 def pytest_configure(config: pytest.Config) -> None:
     """Compile the kernels before several processes run tests: numba's cache is not made for two that write at once."""
     if getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput"):
-        code = "from pfslam_viz.slam.loading import load_kernels; load_kernels()"
-        subprocess.run([sys.executable, "-c", code], check=True)
+        code = "from pfslam_viz import cli; sys.exit(cli.call(['compile', '--quiet']))"
+        subprocess.run([sys.executable, "-c", f"import sys; {code}"], check=True)
 
 
 @pytest.fixture(scope="session")

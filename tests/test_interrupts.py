@@ -61,7 +61,7 @@ def signal_in(phase: str, number: int, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("number", SIGNALS)
 @pytest.mark.parametrize(
     "phase",
-    ["pfslam_viz.commands.replay:read", "pfslam_viz.slam.loading:load_kernels", "pfslam_viz.config:load_config"],
+    ["pfslam_viz.commands.replay:read", "pfslam_viz.compiling.compile:compiling", "pfslam_viz.config:load_config"],
     ids=["reading", "loading kernels", "settings"],
 )
 def test_before_the_first_scan_nothing_is_left(

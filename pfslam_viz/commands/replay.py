@@ -50,9 +50,8 @@ def run(
     sinks.check_screen()
     sinks.tell_folder(quiet)
     recording = read(chosen, quiet)
-    with stop_on_interrupt() as stopped:
+    with kernels([config], recording, viewer=sinks.any, quiet=quiet), stop_on_interrupt() as stopped:
         with ExitStack() as stack:
-            stack.enter_context(kernels([config], recording, viewer=sinks.any, quiet=quiet))
             stream = open_stream(stack, recording, config, sinks, detail, stopped)
             result, log_seconds = _replay(recording, config, stream, stopped, quiet)
             result.require_map()

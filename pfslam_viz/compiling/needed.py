@@ -10,12 +10,16 @@ Groups = Iterable[tuple[str, str]]
 
 # Modules of pfslam_viz, each with kernels of it. Those of the back ends are in their own table.
 LOOP = (("slam.kernels", "read_scan move moments pick transform"), ("slam.map_kernels", "add_scans"))
-VIEWER = (("viewer.kernels", "known_box shade bridge descend trace"),)
+VIEWER = (
+    ("viewer.kernels", "known_box shade bridge descend trace fingerprints"),
+    ("slam.map_kernels", "known_tiles"),
+)
 TEXTURE = {
     "mean": (("texture.kernels", "collect merge"),),
     "finest": (("texture.kernels", "collect match blend"),),
 }
 FITTED_CAMERA = (("texture.kernels", "off_plane"),)
+LARGE_MAPS = (("slam.map_kernels", "scan_cells"),)  # few recordings come to need it: by `compile` alone
 SIMULATION = (
     ("simulation.sensors", "_true_ranges"),
     ("simulation.kinect", "_cast _paint"),
@@ -47,7 +51,7 @@ def needed(configs: Sequence[Config], *, viewer: bool = False, texture: bool = F
 
 def every() -> Needed:
     """Every kernel that there is."""
-    groups = [*LOOP, *VIEWER, *FITTED_CAMERA, *SIMULATION]
+    groups = [*LOOP, *VIEWER, *FITTED_CAMERA, *LARGE_MAPS, *SIMULATION]
     for textures in TEXTURE.values():
         groups += textures
     for backend in BACKENDS.values():

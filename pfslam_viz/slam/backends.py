@@ -43,7 +43,7 @@ BACKENDS: dict[str, Backend] = {
             ("slam.kernels", "compose"),
             ("slam.rbpf.proposal", "propose spread_points"),
             ("slam.rbpf.tile_kernels", "write_scans project join"),
-            ("slam.graph.walls", "within describe"),
+            ("slam.graph.walls", "within thinned describe"),
             ("slam.rbpf.history", "_descent"),
         ),
         (

@@ -161,7 +161,7 @@ def scan_cells(cells: NDArray[np.int64]) -> NDArray[np.int64]:
     return found[:count]
 
 
-@kernel("f4[:, :], i8, i8, i8")
+@kernel("f4[:, ::1], i8, i8, i8")
 def known_tiles(values: NDArray[np.float32], above: int, before: int, size: int) -> NDArray[np.bool_]:
     """Which tiles, ``size`` cells wide, of an array hold a cell that is not 0.
 

@@ -49,7 +49,7 @@ def test_who_draws_nothing_and_paints_nothing_needs_less() -> None:
     paper = load_config("paper")
     plain, drawn, painted = needed([paper]), needed([paper], viewer=True), needed([paper], texture=True)
     assert not any(name.startswith(("viewer", "texture", "simulation")) for name in plain.first)
-    assert {name.split(".")[0] for name in set(drawn.first) - set(plain.first)} == {"viewer"}
+    assert {name.split(".")[0] for name in set(drawn.first) - set(plain.first)} == {"viewer", "slam"}
     assert {name.split(".")[0] for name in set(painted.first) - set(plain.first)} == {"texture"}
     assert needed([load_config("paper", ["texture.enabled=false"])], texture=True) == plain
 

@@ -27,7 +27,7 @@ def within(points: Floats, center: Floats, distance: float) -> Floats:
     return out[:k]
 
 
-@kernel("f8[:, :], i8, f8")
+@kernel("f8[:, ::1], i8, f8")
 def thinned(points: Floats, most: int, sparse: float) -> Floats:
     """Every so many of the end points (m, 2) that ``most`` are left, and all that lie ``sparse`` m from the last one.
 
@@ -149,7 +149,7 @@ def wall_normals(
     return out, noise / max(walls, 1)
 
 
-@kernel("f8[:, :], f8[::1], f8, f8, i8, f8, f4[:, ::1]")
+@kernel("f8[:, ::1], f8[::1], f8, f8, i8, f8, f4[:, ::1]")
 def describe(
     points: Floats,
     lidar_position: Floats,
