@@ -452,7 +452,7 @@ REVISION_OTHER: dict[str, Any] = {
     "pause": 80,
 }
 # In tests/slam/graph/test_revision.py, where a place is visited twice, and tests/slam/rbpf/test_revise.py.
-NEEDS_VISITS = ("enabled", "doubtful", "shift", "turn", "fewest_visits", "pause_share")
+NEEDS_VISITS = ("enabled", "doubtful", "sure_of_doubtful", "shift", "turn", "fewest_visits", "pause_share")
 REVISION_GIVEN: dict[str, dict[str, Any]] = {
     "pause": {"pause_share": 0.0},
     "settled_angle": {"settled_angle": 10.0, "settled_distance": 1e9},

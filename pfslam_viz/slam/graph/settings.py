@@ -212,7 +212,10 @@ class RevisionConfig(Section):
     least_move: float = setting(0.02, "a revision that moves no pose farther is dropped", "m", gt=0)
     sure: float = setting(0.5, "standard errors from which the scans prefer a revision")
     doubtful: float = setting(
-        0.5, "where one moved the trajectory by more, the end starts from the filter's own, too", "m", ge=0
+        0.5, "where one moved the trajectory by more, the end starts from the filter's own, too ...", "m", ge=0
+    )
+    sure_of_doubtful: float = setting(
+        2.0, "... and takes that, unless the scans say otherwise by so many standard errors"
     )
 
 

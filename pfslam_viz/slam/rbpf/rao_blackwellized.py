@@ -351,7 +351,8 @@ class RaoBlackwellizedFilter(Belief):
         if self._reviser.moved > self.config.revision.doubtful:  # perhaps for the worse
             own = geometry.accumulate(np.vstack([before[:1], self._history.increments(self._leader)]))
             other = self._smoother(self.config).smooth(own)
-            if compare(self._scans, other.poses, smoothed.poses, self.config.evidence).sigmas > 0.0:
+            verdict = compare(self._scans, smoothed.poses, other.poses, self.config.evidence)
+            if verdict.sigmas < self.config.revision.sure_of_doubtful:
                 smoothed = other
         self._verdict = compare(self._scans, smoothed.poses, before, self.config.evidence)
         closed = self._reviser.closed

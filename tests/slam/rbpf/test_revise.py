@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 from pfslam_viz import geometry
 from pfslam_viz.config import load_config
 from pfslam_viz.simulation.sensors import true_ranges
-from pfslam_viz.slam.graph.smoothing import Smoother
+from pfslam_viz.slam.graph.evidence import Verdict
+from pfslam_viz.slam.graph.smoothing import Smoothed, Smoother
 from pfslam_viz.slam.protocol import Estimate, Revision, Scan
+from pfslam_viz.slam.rbpf import rao_blackwellized
 from pfslam_viz.slam.rbpf.rao_blackwellized import RaoBlackwellizedFilter
 from pfslam_viz.slam.rbpf.tile_maps import TileMaps, TileSettings
 
@@ -210,3 +212,27 @@ def test_nothing_is_revised_between_key_scans_or_where_that_is_off(
             slam.resample()
             assert slam.revise() is None
         assert asked == looks
+
+
+@pytest.mark.parametrize(("moved", "sigmas", "own"), [(0.4, -9.0, False), (0.6, 1.9, True), (0.6, 2.1, False)])
+def test_what_a_doubtful_revision_led_to_is_kept_only_where_the_scans_are_sure(
+    moved: float, sigmas: float, own: bool, block: Array, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first settling starts from what the run told, the second from the filter's own increments."""
+    slam = RaoBlackwellizedFilter(load_config("default", ["particles=2"]))
+    truth = geometry.accumulate([(0.0, 0.0, 0.0)] + [(0.2, 0.0, 0.0)] * 5)
+    for k, ranges in enumerate(true_ranges(block, truth, ANGLES)[0]):
+        if k:
+            slam.predict(np.array([0.2, 0.0, 0.0]), 0.05)
+        scan = Scan(k, 0.05 * k, np.stack([ranges * np.cos(ANGLES), ranges * np.sin(ANGLES)], axis=-1), LIDAR)
+        slam.update(scan)
+        slam.update_map(scan)
+        slam.resample()
+    settled = iter((np.full((6, 3), 0.1), np.full((6, 3), 0.2)))
+    verdicts = iter(([Verdict(0.01, sigmas, 9)] if moved > 0.5 else []) + [Verdict(0.01, 3.0, 9)])
+    monkeypatch.setattr(Smoother, "smooth", lambda *_: Smoothed(next(settled), np.zeros((0, 2), np.int64)))
+    monkeypatch.setattr(rao_blackwellized, "compare", lambda *_: next(verdicts))
+    slam._reviser.moved = moved
+    slam.finish()
+    np.testing.assert_array_equal(slam._key_poses(), np.full((6, 3), 0.2 if own else 0.1))
+    assert next(verdicts, None) is None
