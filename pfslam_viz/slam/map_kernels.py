@@ -16,7 +16,7 @@ from pfslam_viz.slam.kernels import Floats, transform
 BELOW_HALF = 0.5 - 1e-9  # of a cell; a line's offset is a half, or at least 1 / (2 x its length) away from it
 
 
-@kernel()
+@kernel("f8[::1], f8[:, ::1], f8[::1], f8")
 def end_cells(
     pose: Floats, points: Floats, lidar_position: Floats, cell: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
@@ -39,7 +39,7 @@ def end_cells(
     return cells, extent, world
 
 
-@kernel()
+@kernel("i8[:, ::1]")
 def bundles(cells: NDArray[np.int64]) -> tuple[NDArray[np.int64], Floats]:
     """The lines from the first of the ``cells`` (m + 1, 2) to each of the others, as bundles of lines side by side.
 

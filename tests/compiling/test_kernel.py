@@ -1,5 +1,7 @@
 """How kernels are declared: their types, and that every one is compiled beforehand."""
 
+import ast
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numba
@@ -11,6 +13,7 @@ from pfslam_viz.compiling.needed import every
 from tests.kernels import from_python
 
 types: Any = numba.types
+ROOT = Path(__file__).resolve().parents[2] / "pfslam_viz"
 
 
 class Rules(NamedTuple):
@@ -70,3 +73,23 @@ def test_every_kernel_is_in_the_table_of_what_is_needed() -> None:
         for compiled, _ in kernels
     }
     assert declared == set(names)
+
+
+def is_kernel(function: ast.FunctionDef) -> bool:
+    return any("kernel" in ast.unparse(decorator) for decorator in function.decorator_list)
+
+
+def test_no_python_code_calls_a_kernel_that_has_no_entry() -> None:
+    """Such a call ends the process with a segmentation fault. By name, unless the module has its own of that name."""
+    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(ROOT.rglob("*.py"))}
+    functions = [(path, f) for path, tree in trees.items() for f in ast.walk(tree) if isinstance(f, ast.FunctionDef)]
+    entered = {name.rpartition(".")[2] for name in every().first}
+    inner = {f.name for _, f in functions if is_kernel(f)} - entered
+    assert {"write_scan", "wall_normals"} <= inner
+    own = {path: {f.name for where, f in functions if where == path and not is_kernel(f)} for path in trees}
+    called = []
+    for path, function in functions:
+        if not is_kernel(function):
+            names = [ast.unparse(call.func).split(".")[-1] for call in ast.walk(function) if isinstance(call, ast.Call)]
+            called += [f"{path.name}: {function.name}: {name}" for name in names if name in inner - own[path]]
+    assert called == []
