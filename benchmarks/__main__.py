@@ -15,10 +15,11 @@ NAMES = (
     "accuracy",
     "yardstick",
     "sweep",
+    "claims",
     "report",
     "contact-sheet",
 )
-TELL_THEMSELVES = ("accuracy", "report", "contact-sheet")  # on what machine they ran, or need not
+TELL_THEMSELVES = ("accuracy", "claims", "report", "contact-sheet")  # on what machine they ran, or need not
 
 
 def main() -> None:

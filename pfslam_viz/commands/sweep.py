@@ -163,9 +163,9 @@ def _kept(plan: Plan, missing: int, new: int, results: Results) -> str:
 
 def _show(plan: Plan, cells: Sequence[Cell], results: Results, by: str | None, viewer: bool, quiet: bool) -> None:
     """The table, sweep.rrd and index.html."""
-    found = rankings(plan, cells, results.of(cells), by)
-    ends = [extremes(plan, ranking, cells, results) for ranking in found]
     rows = results.of(cells)
+    found = rankings(plan, cells, rows, by)
+    ends = [extremes(plan, ranking, cells, results) for ranking in found]
     with replaced(results.folder / "table.md") as temporary:
         temporary.write_text(markdown_page(plan, found, rows), encoding="utf-8")
     if not quiet:
