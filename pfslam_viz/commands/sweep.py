@@ -55,7 +55,8 @@ def run(names: Sequence[str], recording: RecordingChoice, choice: SweepChoice, o
         raise InputError("--workers is for a cluster on this machine; --scheduler has workers of its own")
     plan = _plan(names, recording, choice, file)
     results = Results(out, plan.keys)
-    recordings = {label: content(read(place, quiet)) for label, place in plan.recordings}
+    several = len(plan.recordings) > 1
+    recordings = {label: content(read(place, quiet, label if several else "")) for label, place in plan.recordings}
     digests = {label: fingerprint(found) for label, found in recordings.items()}
     cells = plan.cells(digests)
     code = _code_to_keep(results, cells, choice.redo_old)
