@@ -21,6 +21,7 @@ from pathlib import Path
 from benchmarks.case import ROOT
 
 STUDIES = ("particles", "resampling", "variance", "resolution", "perturbation", "uturn")
+WALLS = ("particles", "resolution")
 PAGE = ROOT / "docs" / "paper-claims.md"
 PICTURES = ("curves.png", "maps-0.png")  # of several recordings, of one
 
@@ -37,13 +38,13 @@ def main(arguments: list[str]) -> None:
     tables = {}
     for text in given.only or STUDIES:
         study, _, names = text.partition(":")
-        command = [sys.executable, "-m", "pfslam_viz", "sweep", *(names.split(",") if names else ())]
-        command += ["--plan", study, "--out", str(given.out), "--no-rrd", "--quiet"]
+        command = ["pfslam_viz", "sweep", *(names.split(",") if names else ()), "--plan", study]
+        command += ["--out", str(given.out), "--no-rrd", "--quiet"]
         command += ["--data", str(given.data)] if given.data else []
         command += ["--workers", str(given.workers)] if given.workers else []
-        print(" ".join(command[1:]), file=sys.stderr)
-        subprocess.run(command, check=True)
-        page = (given.out / "table.md").read_text(encoding="utf-8")
+        if study in WALLS:
+            tables[f"{study}-walls"] = first_table(_swept([*command, "--by", "wall_thickness_m"], given.out))
+        page = _swept(command, given.out)
         tables[study] = first_table(page)
         if given.write:
             several = page.count("\n### ") > 1
@@ -53,6 +54,13 @@ def main(arguments: list[str]) -> None:
         PAGE.write_text(filled(PAGE.read_text(encoding="utf-8"), tables), encoding="utf-8")
     else:
         print("\n\n".join(f"## {name}\n\n{table}" for name, table in tables.items()))
+
+
+def _swept(command: list[str], out: Path) -> str:
+    """Run the command; the page of tables that it leaves."""
+    print(" ".join(command), file=sys.stderr)
+    subprocess.run([sys.executable, "-m", *command], check=True)
+    return (out / "table.md").read_text(encoding="utf-8")
 
 
 def first_table(page: str) -> str:
