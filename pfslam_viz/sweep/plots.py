@@ -36,8 +36,8 @@ def draw_panels(path: Path, title: str, by: str, panels: Sequence[Panel]) -> Non
 def draw_overview(path: Path, panels: Sequence[tuple[str, str, Sequence[Panel]]]) -> None:
     """All recordings in one picture: setting by setting, a plot for each (name, number, panels) beside the last."""
     settings = list(dict.fromkeys(panel.setting for _, _, own in panels for panel in own))
-    columns = min(COLUMNS, len(panels))
-    rows = math.ceil(len(panels) / columns)  # of one setting
+    rows = math.ceil(len(panels) / COLUMNS)  # of one setting
+    columns = math.ceil(len(panels) / rows)
     with style.context("default"):
         size = 0.7 * WIDTH * columns, 0.75 * HEIGHT * rows * len(settings)
         figure = Figure(size, DPI, facecolor="white", layout="constrained")
