@@ -18,10 +18,11 @@ NAMES = (
     "yardstick",
     "drives",
     "sweep",
+    "claims",
     "report",
     "contact-sheet",
 )
-TELL_THEMSELVES = ("digest", "accuracy", "report", "contact-sheet")  # on what machine they ran, or need not
+TELL_THEMSELVES = ("digest", "accuracy", "claims", "report", "contact-sheet")  # on what machine they ran, or need not
 
 
 def main() -> None:

@@ -12,7 +12,7 @@ from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 
 pytest.importorskip("benchmarks", reason="needs the checkout on the path: run python -m pytest in its folder")
 
-from benchmarks import case, contact_sheet
+from benchmarks import case, claims, contact_sheet
 from benchmarks.literal_filter import LiteralFilter, LiteralMap
 
 ANGLES = np.radians(np.linspace(-135, 135, 271))
@@ -93,3 +93,21 @@ def test_a_contact_sheet_holds_all_pictures_and_stays_small(tmp_path: Path, monk
     assert best == path.stat().st_size
     monkeypatch.setattr(contact_sheet, "MOST_BYTES", best - 1)
     assert 0 < contact_sheet.write_small(noise, path) < best
+
+
+def test_the_claims_page_has_each_studys_first_table_between_its_marks() -> None:
+    page = "2 runs: 1 x 2; 2 runs, 0.10 core-hours\n\n| a | b |\n| --- | --- |\n| 1 | 2 |\n\nnote\n\n| not | this |\n"
+    table = claims.first_table(page)
+    assert table == "| a | b |\n| --- | --- |\n| 1 | 2 |\n\n2 runs: 1 x 2; 2 runs, 0.10 core-hours."
+    old = "A\n<!-- x -->\nold\n<!-- end -->\nB\n<!-- y -->\nown\n<!-- end -->\n"
+    assert claims.filled(old, {"x": "new"}) == old.replace("old", "new")
+    with pytest.raises(AssertionError, match="no <!-- z -->"):
+        claims.filled(old, {"z": "new"})
+
+
+def test_the_claims_page_says_what_all_runs_took(tmp_path: Path) -> None:
+    rows = ["cell_s,code,python,numpy,scipy,numba", "1800.0,c1,3,2,1,0", "3600.0,c1,3,2,1,0", "1800.0,c2,3,2,1,0"]
+    (tmp_path / "results.csv").write_text("\n".join(rows) + "\n")
+    said = claims.cost(tmp_path / "results.csv").splitlines()
+    assert said[0] == "3 runs, 2.0 hours of one worker:"
+    assert [line[:18] for line in said[2:]] == ["- 2 runs with code", "- 1 runs with code"]

@@ -81,24 +81,28 @@ def _check_apart(save: Path | None, export: Path) -> None:
         )
 
 
-def read(chosen: RecordingChoice, quiet: bool) -> Recording:
-    """The recording; what was wrong with its files is told, and what is doubtful also to those who want quiet."""
+def read(chosen: RecordingChoice, quiet: bool, label: str = "") -> Recording:
+    """The recording; what was wrong with its files is told, and what is doubtful also to those who want quiet.
+
+    ``label`` says which of several it is.
+    """
+    of_which = f"{label}: " if label else ""
     with console.status(f"reading {chosen.name}", quiet):
         recording = chosen.load()
     for note in recording.notes:
         if not quiet:
-            console.tell(f"note: {note}")
+            console.tell(f"note: {of_which}{note}")
         elif note.startswith(LOSSES) and "left out" in note:
-            console.tell(f"warning: {note}")
-    tell_doubts(recording)
+            console.tell(f"warning: {of_which}{note}")
+    tell_doubts(recording, of_which)
     return recording
 
 
-def tell_doubts(recording: Recording) -> None:
+def tell_doubts(recording: Recording, of_which: str = "") -> None:
     """What makes the recording doubtful, or wrong where it was forced: a line each on stderr."""
     for severity in SEVERITIES[:2]:
         for finding in of(recording.findings, severity):
-            console.tell(f"{severity}: {finding.line}")
+            console.tell(f"{severity}: {of_which}{finding.line}")
 
 
 def kept_or_raise(result: Result, outputs: Sequence[Path | None], stopped: bool = False) -> None:

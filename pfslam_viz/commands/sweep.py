@@ -55,7 +55,8 @@ def run(names: Sequence[str], recording: RecordingChoice, choice: SweepChoice, o
         raise InputError("--workers is for a cluster on this machine; --scheduler has workers of its own")
     plan = _plan(names, recording, choice, file)
     results = Results(out, plan.keys)
-    recordings = {label: content(read(place, quiet)) for label, place in plan.recordings}
+    several = len(plan.recordings) > 1
+    recordings = {label: content(read(place, quiet, label if several else "")) for label, place in plan.recordings}
     digests = {label: fingerprint(found) for label, found in recordings.items()}
     cells = plan.cells(digests)
     code = _code_to_keep(results, cells, choice.redo_old)
@@ -163,9 +164,9 @@ def _kept(plan: Plan, missing: int, new: int, results: Results) -> str:
 
 def _show(plan: Plan, cells: Sequence[Cell], results: Results, by: str | None, viewer: bool, quiet: bool) -> None:
     """The table, sweep.rrd and index.html."""
-    found = rankings(plan, cells, results.of(cells), by)
-    ends = [extremes(plan, ranking, cells, results) for ranking in found]
     rows = results.of(cells)
+    found = rankings(plan, cells, rows, by)
+    ends = [extremes(plan, ranking, cells, results) for ranking in found]
     with replaced(results.folder / "table.md") as temporary:
         temporary.write_text(markdown_page(plan, found, rows), encoding="utf-8")
     if not quiet:

@@ -19,7 +19,9 @@ TEXTURE = {
     "finest": (("texture.kernels", "collect match blend"),),
 }
 FITTED_CAMERA = (("texture.kernels", "off_plane"),)
-LARGE_MAPS = (("slam.map_kernels", "end_cells bundles scan_cells"),)  # few recordings come to need it: by `compile` alone
+LARGE_MAPS = (
+    ("slam.map_kernels", "end_cells bundles scan_cells"),
+)  # few recordings come to need it: by `compile` alone
 SIMULATION = (
     ("simulation.sensors", "_true_ranges"),
     ("simulation.kinect", "_cast _paint"),

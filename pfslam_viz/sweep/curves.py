@@ -8,7 +8,10 @@ from statistics import median
 from pfslam_viz.sweep.plan import Plan
 from pfslam_viz.sweep.results import number
 from pfslam_viz.sweep.summary import Line, Ranking, short_names, value_of, varying
+from pfslam_viz.viewer.colors import HIT, MISS, RUNS, TRUTH, Color
 
+COLORS: tuple[Color, ...] = (*RUNS[:3], TRUTH, MISS, *RUNS[3:], HIT)
+"""Of the curves of a panel, in this order."""
 LOG_FROM = 10.0  # times from the smallest to the largest value: then an axis is logarithmic
 
 

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 CONNECT_SECONDS = 5.0  # a scheduler has this long to answer
 POLL_SECONDS = 0.2  # how soon Ctrl-C is noticed
 ASK_SECONDS = 2.0  # from one look at the workers to the next
-MOST_COMPILED = 20  # configurations that are tried before the first cell
 AHEAD = 3  # cells a worker that are submitted at a time, so that a large sweep does not wait in the scheduler
 ONE_THREAD = dict.fromkeys(
     ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"), "1"
@@ -59,6 +58,8 @@ def open_cluster(scheduler: str | None, workers: int = 1) -> Iterator["Client"]:
     settings = {
         "distributed.comm.timeouts.connect": f"{CONNECT_SECONDS}s",
         "distributed.worker.profile.enabled": False,  # it would stop a cell a hundred times a second
+        "distributed.admin.tick.interval": "1s",  # processes look at themselves fifty times a second otherwise,
+        "distributed.admin.system-monitor.interval": "10s",  # which takes 2 % of a core each
     }
     with ExitStack() as stack:
         stack.enter_context(dask.config.set(settings))
@@ -182,12 +183,12 @@ class _Run:
     def compile_kernels(self, cells: Sequence[Cell]) -> None:
         """Have one worker on every machine compile what cells need, so that the others load it from the cache."""
         hosts = {address.rpartition(":")[0]: address for address in self._threads()}
-        variants = {id(cell.variant): cell for cell in cells}
-        configs = [cell.config.model_dump(mode="json") for cell in list(variants.values())[:MOST_COMPILED]]
+        variants = {id(cell.variant): cell.variant.values for cell in cells}
+        kinds = {worker.kind(values): values.model_dump(mode="json") for values in variants.values()}
         recording = worker.content(self.recordings[cells[0].recording].select(0, WARM_UP))
         if hosts:
             first = list(hosts.values())
-            self.client.run(worker.compile_kernels, recording, configs, workers=first, on_error="return")
+            self.client.run(worker.load_kernels, recording, [*kinds.values()], workers=first, on_error="return")
 
     def submit(self, cell: Cell) -> None:
         """Send one cell."""

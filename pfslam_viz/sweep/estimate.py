@@ -8,7 +8,7 @@ from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.replay import Replay
 from pfslam_viz.sweep.plan import Cell
 
-PROBE_SECONDS = 3.0  # for all probes together
+PROBE_SECONDS = 1.0  # for all probes together
 FEWEST_SCANS = 10
 
 

@@ -142,6 +142,14 @@ def text_of(value: Any) -> str:
     return str(value)
 
 
+def setting_text(config: Config, key: str) -> str:
+    """The value of ``section.key`` as :func:`text_of`; empty where the configuration's filter has no such setting."""
+    value: Any = config
+    for part in key.split("."):
+        value = getattr(value, part, None)
+    return "" if isinstance(value, BaseModel) else text_of(value)
+
+
 def cell_id(recording: str, fingerprint: str, variant: Variant, seed: int) -> str:
     """Twelve hexadecimal digits of all that a cell's numbers depend on, the code aside."""
     content = json.dumps([recording, fingerprint, variant.config, _content(variant.values), seed])
@@ -156,15 +164,7 @@ def _variant(text: str, chosen: Mapping[str, str], keys: Sequence[str]) -> Varia
             raise InputError(f"--config {text}: {key} is swept by --set {key}=...; set it in one of the two places")
     settings = [*own, *(f"{key}={value}" for key, value in chosen.items())]
     config = load_config(name, [*settings, f"name='{text}'"])
-    return Variant(text, tuple((key, text_of(_value(config, key))) for key in keys), config)
-
-
-def _value(config: Config, key: str) -> Any:
-    """The value of ``section.key``; None where the configuration's filter has no such setting."""
-    value: Any = config
-    for part in key.split("."):
-        value = getattr(value, part, None)
-    return None if isinstance(value, BaseModel) else value
+    return Variant(text, tuple((key, setting_text(config, key)) for key in keys), config)
 
 
 def _content(config: Config) -> Any:

@@ -8,15 +8,14 @@ from matplotlib import style
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, NullLocator
+from matplotlib.ticker import FixedLocator, LogLocator, NullLocator, StrMethodFormatter
 
 from pfslam_viz.files import replaced
-from pfslam_viz.sweep.curves import Panel
+from pfslam_viz.sweep.curves import COLORS, Panel
 from pfslam_viz.sweep.summary import LABELS
 from pfslam_viz.sweep.trace import Points, Trace
-from pfslam_viz.viewer.colors import DEAD_RECKONING, FILTER, HIT, MISS, RUNS, TRUTH, Color
+from pfslam_viz.viewer.colors import DEAD_RECKONING, FILTER, TRUTH, Color
 
-COLORS: tuple[Color, ...] = (*RUNS[:3], TRUTH, MISS, *RUNS[3:], HIT)
 COLUMNS, WIDTH, HEIGHT, DPI = 3, 5.0, 3.8, 110
 MOST_LABELS = 8
 LOG_FROM = 20.0  # from the smallest to the largest error: then the axis is logarithmic
@@ -35,15 +34,17 @@ def draw_panels(path: Path, title: str, by: str, panels: Sequence[Panel]) -> Non
 
 
 def draw_overview(path: Path, panels: Sequence[tuple[str, str, Sequence[Panel]]]) -> None:
-    """All recordings in one picture: a column for each (name, number, panels), a row for each setting."""
+    """All recordings in one picture: setting by setting, a plot for each (name, number, panels) beside the last."""
     settings = list(dict.fromkeys(panel.setting for _, _, own in panels for panel in own))
+    rows = math.ceil(len(panels) / COLUMNS)  # of one setting
+    columns = math.ceil(len(panels) / rows)
     with style.context("default"):
-        size = 0.7 * WIDTH * len(panels), 0.75 * HEIGHT * len(settings)
+        size = 0.7 * WIDTH * columns, 0.75 * HEIGHT * rows * len(settings)
         figure = Figure(size, DPI, facecolor="white", layout="constrained")
-        for column, (name, by, own) in enumerate(panels):
+        for number, (name, by, own) in enumerate(panels):
             for panel in own:
-                place = settings.index(panel.setting) * len(panels) + column + 1
-                axes = figure.add_subplot(len(settings), len(panels), place)
+                place = settings.index(panel.setting) * rows * columns + number + 1
+                axes = figure.add_subplot(rows * len(settings), columns, place)
                 _draw(axes, panel, LABELS.get(by, by))
                 axes.set_title(name, fontsize=10)
         _save(figure, path)
@@ -97,6 +98,9 @@ def _draw(axes: Axes, panel: Panel, label: str) -> None:
     axes.set_xticklabels(texts, rotation=30 if many else 0, ha="right" if many else "center", fontsize=8)
     if min(values) > 0 and max(values) >= LOG_FROM * min(values):
         axes.set_yscale("log")
+        axes.yaxis.set_major_locator(LogLocator(10.0, (1.0, 2.0, 5.0)))
+        axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axes.yaxis.set_minor_locator(NullLocator())
     else:
         axes.set_ylim(bottom=0)
     axes.set_xlabel(panel.setting)

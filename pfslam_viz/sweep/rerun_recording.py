@@ -8,22 +8,20 @@ from typing import Any
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from numpy.typing import NDArray
 
-from pfslam_viz.sweep.curves import Panel, panels
+from pfslam_viz.sweep.curves import COLORS, Panel, panels
 from pfslam_viz.sweep.extremes import Extreme, extremes, label_of, ranked_cells
 from pfslam_viz.sweep.plan import Cell, Plan
 from pfslam_viz.sweep.results import Results
 from pfslam_viz.sweep.summary import LABELS, Ranking, markdown_page
-from pfslam_viz.viewer.colors import DEAD_RECKONING, FILTER, HIT, MISS, RUNS, TRUTH, Color
+from pfslam_viz.sweep.trace import Points
+from pfslam_viz.viewer.colors import DEAD_RECKONING, FILTER, MISS, TRUTH, Color
 from pfslam_viz.viewer.sinks import Sink, open_sinks
 
-COLORS: tuple[Color, ...] = (*RUNS[:3], TRUTH, MISS, *RUNS[3:], HIT)
 INK: Color = (130, 130, 130)
 BOX = (160.0, 100.0)  # a panel's axes in the view's own units, width and height
 GAP = 50.0  # between panels
 BACKGROUND = (128, 128, 128)  # as unknown cells of a map
-Points = NDArray[np.float32]
 
 
 def write_recording(path: Path, plan: Plan, found: Sequence[Ranking], cells: Sequence[Cell], results: Results) -> None:

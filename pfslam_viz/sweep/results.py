@@ -8,7 +8,7 @@ from pathlib import Path
 from pfslam_viz.errors import InputError
 from pfslam_viz.files import check_writable, replaced
 from pfslam_viz.outputs import check_sweep
-from pfslam_viz.sweep.plan import Cell
+from pfslam_viz.sweep.plan import Cell, setting_text
 from pfslam_viz.sweep.row import LIBRARIES, NUMBERS, Row, columns
 from pfslam_viz.sweep.trace import Trace, read_trace
 
@@ -46,17 +46,18 @@ class Results:
         """Which of these cells are still to be run, the failed ones among them.
 
         Rows that they replace are left out: of a cell that failed, of another recording or configuration of the same
-        name, of other code than ``code`` unless that is None. Rows of cells that are not among these stay.
+        name, of other code than ``code`` unless that is None. Rows of cells that are not among these stay, those of
+        another study too, which differ in a setting that is not swept here.
         """
         wanted = {cell.id: cell for cell in cells}
-        names = {_name(cell.key): cell.id for cell in cells}
+        names = {_name(cell.key): cell for cell in cells}
         kept: dict[str, TextRow] = {}
         others: list[TextRow] = []
         for row in self.rows:
             if row["cell"] in wanted:
                 if not row["error"] and code in (None, row["code"]):
                     kept[row["cell"]] = row | wanted[row["cell"]].key
-            elif _name({key: row.get(key, "") for key in next(iter(wanted.values())).key}) not in names:
+            elif not self._replaced(row, names.get(_name({key: row.get(key, "") for key in cells[0].key}))):
                 others.append(row)
         self.rows = [*others, *(kept[cell.id] for cell in cells if cell.id in kept)]
         own = [name for row in self.rows for name in row if name not in self.columns]
@@ -97,6 +98,11 @@ class Results:
     def trace(self, cell: Cell) -> Trace | None:
         """A cell's trace, where it is kept."""
         return read_trace(self.trace_path(cell))
+
+    def _replaced(self, row: TextRow, cell: Cell | None) -> bool:
+        """Whether ``cell``, which has the row's values in the columns of this sweep, has them in all others, too."""
+        others = [name for name, value in row.items() if value and name not in columns(self.settings)]
+        return cell is not None and all(setting_text(cell.variant.values, name) == row[name] for name in others)
 
     def _write(self) -> None:
         with replaced(self.csv) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:

@@ -1,7 +1,7 @@
 """What a sweep found: for each recording its settings, best first, with median and range over the seeds."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median
 from typing import TYPE_CHECKING
 
@@ -104,7 +104,7 @@ def _ranked(label: str, by: str, lines: Sequence[Line]) -> Ranking:
     sign = -1.0 if by in HIGHER_IS_BETTER else 1.0
     known = sorted((line for line in lines if by in line.ranges), key=lambda line: sign * line.ranges[by].median)
     rest = [line for line in lines if by not in line.ranges]
-    marked = [Line(ln.variant, ln.rows, ln.failed, ln.ranges, _overlaps(ln, known[0], by)) for ln in known]
+    marked = [replace(line, same=_overlaps(line, known[0], by)) for line in known]
     return Ranking(label, by, (*marked, *rest))
 
 

@@ -21,7 +21,7 @@ from pfslam_viz.sweep.trace import pack
 from pfslam_viz.sweep.version import code_version
 
 _RECORDINGS: dict[str, Recording] = {}  # by fingerprint, for as long as the process runs
-_LOADED: set[str] = set()  # kinds of configurations whose kernels are loaded
+_LOADED: set[str] = set()  # kinds whose kernels are loaded
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,10 +59,9 @@ def run_order(order: Order) -> Answer:
         recording = _recording(order)
         if recording is None:
             return Answer(order.cell, code, {}, lacks=True)
-        config: Config = BACKENDS[order.config["backend"]].settings.model_validate(order.config)
-        _load_kernels(recording, config)
+        load_kernels(recording, [order.config])
         started = perf_counter()
-        result, scores = run_cell(recording, config, threads=1)
+        result, scores = run_cell(recording, _config(order.config), threads=1)
         row = numbers(scores) | {"cell_s": perf_counter() - started}
         return Answer(order.cell, code, row | provenance(), pack_result(result))
     except Exception as error:
@@ -74,10 +73,17 @@ def receive(fingerprint: str, recording: Recording) -> None:
     _RECORDINGS[fingerprint] = recording
 
 
-def compile_kernels(recording: Recording, configs: list[dict[str, Any]]) -> None:
-    """Compile what these configurations need before the first cell, or load it from the cache."""
-    for config in configs:
-        warm_up(recording, BACKENDS[config["backend"]].settings.model_validate(config))
+def load_kernels(recording: Recording, configs: list[dict[str, Any]]) -> None:
+    """Compile what these configurations need, or load it from the cache: once a process, and in no cell's time."""
+    for config in map(_config, configs):
+        if (what := kind(config)) not in _LOADED:
+            warm_up(recording, config)
+            _LOADED.add(what)
+
+
+def kind(config: Config) -> str:
+    """The same for configurations that run the same kernels: those that differ in numbers alone."""
+    return repr(_choices(config.model_dump(mode="json", exclude={"name"})))
 
 
 def fingerprint(recording: Recording) -> str:
@@ -117,12 +123,9 @@ def dask_setup(worker: object) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _load_kernels(recording: Recording, config: Config) -> None:
-    """Load what a configuration of this kind needs, once a process, so that no cell's time has it."""
-    kind = repr(_choices(config.model_dump(mode="json", exclude={"name"})))
-    if kind not in _LOADED:
-        warm_up(recording, config)
-        _LOADED.add(kind)
+def _config(values: dict[str, Any]) -> Config:
+    config: Config = BACKENDS[values["backend"]].settings.model_validate(values)
+    return config
 
 
 def _choices(value: Any) -> Any:

@@ -2,6 +2,7 @@
 
 import csv
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -175,6 +176,20 @@ def test_a_scheduler_that_is_not_there(drive: Path, tmp_path: Path, run: Run, mo
     assert (status, printed) == (2, "")
     assert said.splitlines()[-1].startswith("pfslam-viz: --scheduler tcp://127.0.0.1:1: no Dask scheduler answers")
     assert "Traceback" not in said and not list(tmp_path.iterdir())
+
+
+def test_a_note_says_which_of_several_recordings_it_is_about(
+    drive: Path, tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(engine, "CONNECT_SECONDS", 0.3)
+    other = shutil.copytree(drive, tmp_path / "other")
+    nowhere = ("--scheduler", "tcp://127.0.0.1:1")
+    _, _, alone = run(*arguments(drive, tmp_path, *nowhere))
+    _, _, said = run(*arguments(drive, tmp_path, other, *nowhere))
+    notes = [line for line in alone.splitlines() if line.startswith("note: ")]
+    assert notes
+    expected = [note.replace("note: ", f"note: {name}: ") for name in (drive, other) for note in notes]
+    assert [line for line in said.splitlines() if line.startswith("note: ")] == expected
 
 
 @pytest.mark.parametrize(

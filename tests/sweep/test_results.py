@@ -7,7 +7,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from pfslam_viz.errors import InputError
-from pfslam_viz.sweep.plan import Cell, Plan
+from pfslam_viz.sweep.plan import Block, Cell, Plan, make_plan
 from pfslam_viz.sweep.results import Results
 from pfslam_viz.sweep.row import Row
 
@@ -101,6 +101,26 @@ def test_rows_of_other_cells_stay(twelve: Plan, cells: list[Cell], tmp_path: Pat
     again.add(cells[6], ROW)
     assert len(lines(tmp_path)) == 7
     assert [row["cell"] for row in again.of(cells[6:])] == [cells[6].id]
+
+
+def test_rows_of_another_study_stay_where_it_sweeps_one_setting_more(
+    twelve: Plan, cells: list[Cell], tmp_path: Path
+) -> None:
+    """Its values of the settings that both have may be the same, and only those it shares are this study's, too."""
+    values = (("particles", ("20",)), ("resampling.policy", ("always",)), ("map.cell", ("0.07", "0.1")))
+    study = make_plan(twelve.recordings, [Block(("paper",), values)], range(1))
+    fine, coarse = study.cells({"drive": "f1"})
+    kept = results(tmp_path, study)
+    kept.start([fine, coarse], "c1")
+    kept.add(fine, ROW)
+    kept.add(coarse, ROW)
+    again = results(tmp_path, twelve)
+    assert cells[0].id == fine.id and again.start(cells, "c1") == cells[1:]
+    assert {row["cell"] for row in again.rows} == {fine.id, coarse.id}
+    changed = twelve.cells({"drive": "f2"})
+    again = results(tmp_path, twelve)
+    assert again.start(changed, "c1") == changed
+    assert [row["cell"] for row in again.rows] == [coarse.id]  # the other one is run anew
 
 
 def test_parquet_holds_numbers_as_numbers(twelve: Plan, cells: list[Cell], tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pfslam_viz.config import load_config
 from pfslam_viz.evaluation.cell import run_cell
 from pfslam_viz.recordings.choice import RecordingChoice
 from pfslam_viz.recordings.recording import Recording
@@ -14,12 +15,21 @@ from pfslam_viz.sweep.plan import Cell, Plan
 from pfslam_viz.sweep.row import TIMES, numbers
 from pfslam_viz.sweep.trace import FREE, UNKNOWN, WALL, read_trace
 from pfslam_viz.sweep.version import code_version
-from pfslam_viz.sweep.worker import Order, fingerprint, receive, run_order
+from pfslam_viz.sweep.worker import Order, fingerprint, kind, load_kernels, receive, run_order
 
 
 @pytest.fixture(autouse=True)
 def nothing_received(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(worker, "_RECORDINGS", {})
+
+
+@pytest.fixture
+def warmed(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """The particles of the configurations that kernels are loaded with."""
+    found: list[int] = []
+    monkeypatch.setattr(worker, "_LOADED", set())
+    monkeypatch.setattr(worker, "warm_up", lambda recording, config: found.append(config.particles))
+    return found
 
 
 @pytest.fixture
@@ -72,6 +82,17 @@ def test_what_goes_wrong_in_a_cell_is_its_error(cell: Cell, sweep_recording: Rec
     answer = run_order(order(cell, blind, "nowhere"))
     assert answer.error is not None and "no cell of the map is occupied" in answer.error
     assert "\n" not in answer.error and answer.row["code"] == code_version()
+
+
+def test_kernels_are_loaded_once_for_configurations_that_differ_in_numbers_alone(
+    warmed: list[int], sweep_recording: Recording
+) -> None:
+    own = [["particles=1"], ["particles=2", "motion.variance=[0.1, 0.1, 0.1]"], ["particles=3", "motion.model=scaled"]]
+    configs = [load_config("paper", settings) for settings in own]
+    load_kernels(sweep_recording, [config.model_dump(mode="json") for config in configs])
+    load_kernels(sweep_recording, [configs[1].model_dump(mode="json")])
+    assert warmed == [1, 3]
+    assert kind(configs[0]) != kind(load_config("default", ["particles=1"]))
 
 
 def test_another_version_runs_nothing(cell: Cell, sweep_recording: Recording, sweep_drive: Path) -> None:
