@@ -58,3 +58,11 @@ def run(capfd: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]
 def no_screen(monkeypatch: pytest.MonkeyPatch) -> None:
     """No viewer can open on this machine."""
     monkeypatch.setattr("pfslam_viz.commands.choices.has_screen", lambda: False)
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A simulated recording of 6 s, without frames."""
+    out = tmp_path_factory.mktemp("recordings") / "drive"
+    assert cli.call(["simulate", str(out), "--duration", "6", "--no-frames"]) == 0
+    return out

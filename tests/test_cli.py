@@ -20,7 +20,6 @@ import numpy as np
 import pytest
 
 import pfslam_viz
-from pfslam_viz import cli
 from pfslam_viz.commands.choices import ConfigChoice, SinkChoice
 from pfslam_viz.config import load_config
 from pfslam_viz.errors import InputError, PfslamError
@@ -48,14 +47,6 @@ HEAVY = ("rerun", "cv2", "numba", "scipy", "numpy", "pydantic", "pooch", "dask",
 Run = Callable[..., tuple[int, str, str]]
 
 pytestmark = pytest.mark.usefixtures("no_screen")
-
-
-@pytest.fixture(scope="module")
-def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A simulated recording of 6 s, without frames."""
-    out = tmp_path_factory.mktemp("recordings") / "drive"
-    assert cli.call(["simulate", str(out), "--duration", "6", "--no-frames"]) == 0
-    return out
 
 
 def one_line(text: str) -> str:

@@ -11,21 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from pfslam_viz import cli
 from pfslam_viz.errors import PfslamError
 from pfslam_viz.recordings.download import Patience, Request, download
 
 Run = Callable[..., tuple[int, str, str]]
 PAPER = ["--config", "paper", "--particles", "10", "--quiet"]
 FULL = "No space left on device"
-
-
-@pytest.fixture(scope="module")
-def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A simulated recording of 6 s, without frames."""
-    out = tmp_path_factory.mktemp("recordings") / "drive"
-    assert cli.call(["simulate", str(out), "--duration", "6", "--no-frames"]) == 0
-    return out
 
 
 @pytest.fixture

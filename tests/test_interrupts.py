@@ -12,7 +12,6 @@ from typing import Any
 
 import pytest
 
-from pfslam_viz import cli
 from pfslam_viz.interrupts import deferred, stop_on_interrupt
 from pfslam_viz.viewer.connections import viewer_binary
 
@@ -21,14 +20,6 @@ SIGNALS = [signal.SIGINT, signal.SIGTERM]
 PAPER = ["--config", "paper", "--particles", 10, "--stop", 30, "--quiet"]
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
-
-
-@pytest.fixture(scope="module")
-def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A simulated recording of 6 s, without frames."""
-    out = tmp_path_factory.mktemp("recordings") / "drive"
-    assert cli.call(["simulate", str(out), "--duration", "6", "--no-frames"]) == 0
-    return out
 
 
 @pytest.fixture(autouse=True)

@@ -9,20 +9,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pfslam_viz import cli, outputs
+from pfslam_viz import outputs
 from pfslam_viz.errors import InputError
 from pfslam_viz.simulation.recording import check_replaceable, simulate
 
 Run = Callable[..., tuple[int, str, str]]
 PAPER = ["--config", "paper", "--particles", 10, "--stop", 40, "--quiet"]
-
-
-@pytest.fixture(scope="module")
-def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A simulated recording of 6 s, without frames."""
-    out = tmp_path_factory.mktemp("recordings") / "drive"
-    assert cli.call(["simulate", str(out), "--duration", "6", "--no-frames"]) == 0
-    return out
 
 
 def contents(folder: Path) -> dict[str, bytes]:

@@ -18,14 +18,6 @@ PAPER = ["--config", "paper", "--particles", "10", "--stop", "60", "--quiet"]
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="limits of a process are Linux's")
 
 
-@pytest.fixture(scope="module")
-def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A simulated recording of 6 s, without frames."""
-    out = tmp_path_factory.mktemp("recordings") / "drive"
-    assert cli.call(["simulate", str(out), "--duration", "6", "--no-frames"]) == 0
-    return out
-
-
 def limited(limit: str, arguments: list[object]) -> tuple[int, str]:
     """Exit status and stderr of the command line under a limit of the shell's."""
     script = f'ulimit {limit}; exec "$0" -m pfslam_viz "$@"'

@@ -11,19 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from pfslam_viz import cli
-
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs a POSIX shell")
 FULL = pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 PAPER = ("--config", "paper", "--particles", "10", "--stop", "20")
-
-
-@pytest.fixture(scope="module")
-def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A simulated recording of 6 s, without frames."""
-    out = tmp_path_factory.mktemp("recordings") / "drive"
-    assert cli.call(["simulate", str(out), "--duration", "6", "--no-frames"]) == 0
-    return out
 
 
 def shell(line: str, arguments: Sequence[object] = (), **environment: str) -> tuple[int, str, str]:

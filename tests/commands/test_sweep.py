@@ -28,14 +28,6 @@ CELLS = 12
 SETTINGS = ("--config", "paper", "--set", "particles=50,300", "--set", "resampling.policy=always,n_eff", "--seeds", 3)
 
 
-@pytest.fixture(scope="module")
-def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A simulated recording of 6 s, without frames."""
-    out = tmp_path_factory.mktemp("recordings") / "drive"
-    assert cli.call(["simulate", str(out), "--duration", "6", "--no-frames"]) == 0
-    return out
-
-
 def arguments(drive: Path, out: Path, *more: object) -> list[str]:
     return [str(part) for part in ("sweep", drive, *SETTINGS, "--out", out, "--no-rrd", *more)]
 

@@ -16,7 +16,7 @@ from pfslam_viz.slam.graph.loop_closing import confirmed, find_candidates, searc
 from pfslam_viz.slam.graph.pose_graph import Constraints, residuals
 from pfslam_viz.slam.graph.scan_store import ScanStore
 from pfslam_viz.slam.graph.settings import GraphConfig
-from pfslam_viz.slam.graph.smoothing import Smoothed, Smoother, match, neighbouring
+from pfslam_viz.slam.graph.smoothing import Smoothed, Smoother, match, neighbouring, visits_of
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -95,7 +95,7 @@ class Reviser:
         pairs = neighbouring(poses, s, self._seen)
         matched = match(scans, poses, pairs, np.array(s.first_gates), s)
         self._matched = Constraints.join([self._matched, matched])
-        visits = self.visits = matched.pick(np.flatnonzero(matched.end - matched.start > max(s.hops)))
+        visits = self.visits = visits_of(matched, s)
         if len(visits) < c.fewest_visits:
             return None
         missed = residuals(poses, visits)

@@ -169,8 +169,8 @@ class Smoother:
         """The same from what is ``matched``, with the ``deviation`` (2,) m, rad of matches between neighbours."""
         hops, config = self.config.hops, self._settings.drift
         matched = self.sound(poses, matched)
-        visits = matched.end - matched.start > max(hops)
-        links = np.concatenate([closed, np.stack([matched.start[visits], matched.end[visits]], axis=-1)])
+        visits = visits_of(matched, self.config)
+        links = np.concatenate([closed, np.stack([visits.start, visits.end], axis=-1)])
         motion = self._motion(poses, self._bridged(poses, matched))
         joints = joint_deviations(matched, motion, len(poses), max(hops), config.caution * deviation)
         return Drift(poses, joints, links, config.links)
@@ -187,8 +187,7 @@ class Smoother:
         sound, longest = self.sound(poses, matched), max(c.hops)
         chain = sound.pick(np.flatnonzero(sound.end - sound.start <= longest))
         firm = chain.firm()  # what joins successive scans bends, it does not snap
-        visits = matched.pick(np.flatnonzero(matched.end - matched.start > longest))
-        pulled = Constraints.join([*self._driven(poses, matched), firm, visits, loop])
+        pulled = Constraints.join([*self._driven(poses, matched), firm, visits_of(matched, c), loop])
         poses = self._optimize(poses, pulled, 2 * c.iterations)  # a pull from far takes longer
         poses, _ = self.relax(poses, first_gates)
         return self.relax(poses, gates)
@@ -218,6 +217,11 @@ def neighbouring(poses: Array, config: SmoothingConfig, since: int = 0) -> Indic
     ]
     pairs.append(earlier_visits(poses, config.radius, config.apart, config.neighbours, config.turn_length, since))
     return np.concatenate(pairs)
+
+
+def visits_of(matched: Constraints, config: SmoothingConfig) -> Constraints:
+    """Those of the ``matched`` pairs that are of two visits, further apart than the hops go on."""
+    return matched.pick(np.flatnonzero(matched.end - matched.start > max(config.hops)))
 
 
 def match(scans: ScanStore, poses: Array, pairs: Indices, gates: Array, config: SmoothingConfig) -> Constraints:

@@ -41,7 +41,7 @@ def thinned(points: Floats, most: int, sparse: float) -> Floats:
             dx, dy = points[b, 0] - points[last, 0], points[b, 1] - points[last, 1]
             if dx * dx + dy * dy < sparse * sparse:
                 continue
-        out[k] = points[b]
+        out[k, 0], out[k, 1] = points[b, 0], points[b, 1]
         k, last = k + 1, b
     return out[:k]
 

@@ -264,9 +264,9 @@ class RaoBlackwellizedFilter(Belief):
         best = self._leader = int(np.argmax(self._log_weights))
         before = self._key_particles[best]
         self._drift.add(before, means[best], motion.increment, motion.odometry, motion.scans)
-        by_odometry = geometry.compose(self._key_particles[best], self._odometry)
+        by_odometry = geometry.compose(before, self._odometry)
         if axis is not None:
-            axis = geometry.transform(np.array([0.0, 0.0, self._key_particles[best, 2]]), axis[None])[0]
+            axis = geometry.transform(np.array([0.0, 0.0, before[2]]), axis[None])[0]
         self._match = Match(geometry.between(by_odometry, means[best]), motion.overlap, axis)
 
     def update_map(self, scan: Scan) -> None:
