@@ -95,7 +95,8 @@ def _bulk(grid: OccupancyGrid, whole: Box) -> Box:
     cells = grid.occupied_cells()
     if not len(cells):
         return whole
-    low, high = np.percentile(cells, BULK, axis=0)
+    low = np.percentile(cells, BULK[0], axis=0, method="higher")  # of a few cells too, the outmost is not in it
+    high = np.percentile(cells, BULK[1], axis=0, method="lower")
     (top, left), (bottom, right) = low, high
     around = ROUND * (high - low) + SEEN / grid.cell
     return int(top - around[0]), int(left - around[1]), int(bottom + around[0]), int(right + around[1])

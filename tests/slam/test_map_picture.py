@@ -1,5 +1,6 @@
 """Maps as one array of a stated size: as they are where they fit, cut and coarser where they do not."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -7,13 +8,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import pfslam_viz as pf
 from pfslam_viz import figures_layers
-from pfslam_viz.evaluation.map_quality import occupied_area, scan_to_map_score
-from pfslam_viz.export import MOST_PIXELS, OCCUPIED, map_image, write_map
+from pfslam_viz.config import load_config
+from pfslam_viz.evaluation.map_quality import map_quality, occupied_area, scan_to_map_score
+from pfslam_viz.evaluation.metrics import metrics
+from pfslam_viz.export import MOST_PIXELS, OCCUPIED, export, map_image, write_map
 from pfslam_viz.settings import MapConfig
 from pfslam_viz.slam import tiles
 from pfslam_viz.slam.map_picture import map_picture
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
+from pfslam_viz.sweep.trace import pack
 
 CONFIG = MapConfig(cell=0.05)
 ZERO = np.zeros((), np.float32)
@@ -104,6 +109,24 @@ def test_what_is_written_and_scored_stays_small(
     score = scan_to_map_score(points, grid)
     assert score is not None and score > 0.99
     assert max(asked, default=0) <= 1200**2
+
+
+def test_a_recording_with_a_range_of_20_km(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """That its check does not see: run, exported, traced and scored in arrays of a few thousand cells."""
+    angles, n = np.radians(np.arange(-90.0, 90.5, 2.0)), 30
+    ranges = np.tile(4.0 / np.maximum(np.abs(np.cos(angles)), 0.6), (n, 1))
+    ranges[15, 60] = 20_000.0
+    made = pf.Recording.from_arrays(0.1 * np.arange(n), ranges, angles, odometry_poses=np.zeros((n, 3)))
+    recording = replace(made, checked=True, lidar=replace(made.lidar, range_max=30_000.0))
+    result = pf.run(recording, load_config("paper", ["particles=5"]))
+    top, left, bottom, right = result.grid.box()
+    assert max(bottom - top, right - left) > 100_000  # it is in the map
+    export(result, tmp_path, metrics(result))
+    assert (tmp_path / "map.pgm").stat().st_size < 2_000_000
+    assert "where the walls are, in cells of 0.07 m" in capsys.readouterr().err
+    assert pack(result)["image"].size < 2_000_000
+    quality = map_quality(recording, result.estimate, result.grid)
+    assert quality.scan_to_map_score is not None and quality.scan_to_map_score > 0.8
 
 
 def test_the_score_is_that_of_one_distance_transform() -> None:
