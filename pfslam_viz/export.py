@@ -8,15 +8,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pfslam_viz import console
 from pfslam_viz.files import replaced
 from pfslam_viz.outputs import check_export
 from pfslam_viz.replay import Result
+from pfslam_viz.slam.map_picture import MapPicture, map_picture
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 
 Array = NDArray[np.float64]
 
 OCCUPIED, FREE, UNKNOWN = 0, 254, 205  # map_server's own values of a pixel
 OCCUPIED_THRESHOLD, FREE_THRESHOLD = 0.65, 0.196  # (255 - 205) / 255 = 0.1961 lies between them: unknown
+MOST_PIXELS = 64_000_000  # of the map's image: a square of 400 m in cells of 0.05 m
 BORDER = 2  # unknown cells kept around what is known
 
 
@@ -62,9 +65,14 @@ def write_tum(path: Path, stamps: Array, poses: Array) -> Path:
 def write_map(path: Path, grid: OccupancyGrid) -> list[Path]:
     """Write the grid as the image ``path`` (.pgm) and, beside it, the .yaml that ROS map_server loads.
 
-    Cut to what is known and a small border; the yaml's origin is the world position of the lower left pixel's corner.
+    Cut to what is known and a small border; a map of more than 64 million cells is cut to where its walls are, in
+    larger cells if need be, and a line on stderr says so. The yaml's origin is the world position of the lower left
+    pixel's corner.
     """
-    image, (left, bottom) = map_image(grid)
+    picture = _picture(grid)
+    image, (left, bottom) = picture.values, picture.lower_left
+    if picture.note:
+        console.tell(f"note: {path}: {picture.note}")
     rows, columns = image.shape
     with replaced(path) as temporary:
         temporary.write_bytes(b"P5\n%d %d\n255\n" % (columns, rows) + image.tobytes())
@@ -73,7 +81,7 @@ def write_map(path: Path, grid: OccupancyGrid) -> list[Path]:
         temporary.write_text(
             f"image: {path.name}\n"
             "mode: trinary\n"
-            f"resolution: {grid.cell:.9g}\n"
+            f"resolution: {picture.cell:.9g}\n"
             f"origin: [{left:.9f}, {bottom:.9f}, 0.0]\n"
             "negate: 0\n"
             f"occupied_thresh: {OCCUPIED_THRESHOLD}\n"
@@ -85,15 +93,15 @@ def write_map(path: Path, grid: OccupancyGrid) -> list[Path]:
 
 def map_image(grid: OccupancyGrid) -> tuple[NDArray[np.uint8], tuple[float, float]]:
     """The grid as pixels (rows, columns), top row first, and the world position (m) of the lower left corner."""
-    seen = grid.log_odds != 0
-    image = np.full(grid.shape, UNKNOWN, np.uint8)
-    image[grid.log_odds < 0] = FREE
-    image[grid.occupied > 0] = OCCUPIED
-    left, bottom = grid.lower_left
-    if not seen.any():
-        return image, (left, bottom)
-    rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
-    top, low = max(int(rows[0]) - BORDER, 0), min(int(rows[-1]) + 1 + BORDER, grid.shape[0])
-    first, last = max(int(columns[0]) - BORDER, 0), min(int(columns[-1]) + 1 + BORDER, grid.shape[1])
-    corner = (left + first * grid.cell, bottom + (grid.shape[0] - low) * grid.cell)
-    return np.ascontiguousarray(image[top:low, first:last]), corner
+    picture = _picture(grid)
+    return picture.values, picture.lower_left
+
+
+def _picture(grid: OccupancyGrid) -> MapPicture:
+    def pixels(log_odds: NDArray[np.float32]) -> NDArray[np.uint8]:
+        image = np.full(log_odds.shape, UNKNOWN, np.uint8)
+        image[log_odds < 0] = FREE
+        image[log_odds > grid.threshold] = OCCUPIED
+        return image
+
+    return map_picture(grid, pixels, np.array(UNKNOWN, np.uint8), most=MOST_PIXELS, border=BORDER)

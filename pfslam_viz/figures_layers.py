@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from pfslam_viz.slam.map_picture import map_picture
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
 from pfslam_viz.viewer import colors
 
@@ -23,6 +24,7 @@ PARTICLES: Color = colors.MISS  # one colour that stands out from the path; the 
 FREE: Color = (255, 255, 255)
 UNKNOWN: Color = (206, 210, 216)
 WALL: Color = (28, 30, 36)
+MOST_CELLS = 6_000_000  # of a layer: a picture has a million pixels
 STRAY = 0.2  # % of wall cells on each side that may lie outside the picture: single beams out of a window
 NARROWEST = 0.45  # a picture's shorter side over its longer one, at least
 
@@ -87,16 +89,21 @@ class Path2D:
 
 
 def grid_layer(grid: OccupancyGrid) -> Layer:
-    """The log-odds as shades, copied: white is surely free, black surely occupied, and what is unknown is left out."""
-    rows, columns = _span(grid.log_odds != 0)
-    log_odds = grid.log_odds[rows, columns].astype(np.float64)
-    sure = np.tanh(np.abs(log_odds) / 2)[..., None]  # (28) once: 0.6; three times: 0.97
-    end = np.where((log_odds < 0)[..., None], np.array(FREE), np.array(WALL))
-    image = np.round(np.array(UNKNOWN) * (1 - sure) + end * sure).astype(np.uint8)
-    alpha = np.where(log_odds != 0, np.uint8(255), np.uint8(0))
-    row, column = np.nonzero(grid.occupied[rows, columns])
-    walls = grid.centers(np.stack([row + rows.start, column + columns.start], axis=-1))
-    return Layer(image, alpha, walls, grid.cell, _upper_left(grid.origin, grid.cell, rows, columns))
+    """The log-odds as shades, copied: white is surely free, black surely occupied, and what is unknown is left out.
+
+    Of a map of more than :data:`MOST_CELLS`, where its walls are, in larger cells if need be.
+    """
+
+    def shades(log_odds: NDArray[np.float32]) -> Image:
+        sure = np.tanh(np.abs(log_odds.astype(np.float64)) / 2)[..., None]  # (28) once: 0.6; three times: 0.97
+        end = np.where((log_odds < 0)[..., None], np.array(FREE), np.array(WALL))
+        image = np.round(np.array(UNKNOWN) * (1 - sure) + end * sure)
+        return np.dstack([image, np.where(log_odds != 0, 255, 0)]).astype(np.uint8)
+
+    picture = map_picture(grid, shades, np.array([*UNKNOWN, 0], np.uint8), most=MOST_CELLS)
+    return Layer(
+        picture.values[..., :3], picture.values[..., 3], grid.wall_positions(), picture.cell, picture.upper_left
+    )
 
 
 def texture_layer(texture: "FloorTexture") -> Layer:

@@ -3,6 +3,7 @@
 No single number is enough: a smeared map explains its own scans well, a sparse one has thin walls. Read them together.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +23,7 @@ WALL_PLACES = 2_000  # where in the cloud it is measured
 FEWEST_NEIGHBOURS = 10
 SCORE_SIGMA = 0.1  # m
 SCORE_POINTS = 200_000
+SCORE_REACH, SCORE_BLOCK = 2.0, 1024  # m, beyond which a wall counts nothing; cells along a block looked at at once
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +90,7 @@ def end_to_start_gap(poses: Array) -> float:
 
 def occupied_area(grid: OccupancyGrid) -> float:
     """m² of cells above the threshold, (29)."""
-    return float(np.count_nonzero(grid.occupied)) * grid.cell**2
+    return float(len(grid.occupied_cells())) * grid.cell**2
 
 
 def wall_thickness(points: Array) -> float | None:
@@ -128,11 +130,21 @@ def scan_to_map_score(points: Array, grid: OccupancyGrid) -> float | None:
 
     if len(points) == 0:
         return None
-    walls = grid.occupied > 0
-    if not walls.any():
+    if not grid.has_walls:
         return 0.0
-    distance = cv2.distanceTransform((~walls).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * grid.cell
-    rows, columns = grid.cells(points).T
-    inside = (rows >= 0) & (columns >= 0) & (rows < walls.shape[0]) & (columns < walls.shape[1])
-    d = distance[rows[inside], columns[inside]]
+    tiled, halo = grid.tiled(), math.ceil(SCORE_REACH / grid.cell)
+    top, left, bottom, right = grid.box()
+    cells = np.floor(np.stack([-points[:, 1], points[:, 0]], axis=-1) / grid.cell).astype(np.int64)
+    cells = cells[((cells >= (top, left)) & (cells <= (bottom, right))).all(axis=1)]
+    blocks, owner = np.unique(cells // SCORE_BLOCK, axis=0, return_inverse=True)
+    d = np.full(len(cells), np.inf, np.float32)
+    for k, (row, column) in enumerate((blocks * SCORE_BLOCK).tolist()):
+        low = max(row - halo, top), max(column - halo, left)
+        high = min(row + SCORE_BLOCK - 1 + halo, bottom), min(column + SCORE_BLOCK - 1 + halo, right)
+        walls = tiled.dense((*low, *high)) > grid.threshold
+        if walls.any():
+            distance = cv2.distanceTransform((~walls).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * grid.cell
+            mine = owner.ravel() == k
+            i, j = (cells[mine] - low).T
+            d[mine] = distance[i, j]
     return float(np.exp(-0.5 * (d / SCORE_SIGMA) ** 2).sum() / len(points))

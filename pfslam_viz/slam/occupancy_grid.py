@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pfslam_viz.errors import PfslamError
 from pfslam_viz.settings import MapConfig
-from pfslam_viz.slam.tiles import MARGIN, SLACK, WIDEST, Index, Tiled, TiledArrays, distinct
+from pfslam_viz.slam.tiles import MARGIN, SLACK, WIDEST, Box, Index, Tiled, TiledArrays, distinct
 from pfslam_viz.slam.worker import Worker
 
 Array = NDArray[np.float64]
@@ -83,6 +83,13 @@ class OccupancyGrid:
         """Log-odds above which a cell is occupied, (29)."""
         return self._numbers[3]
 
+    def box(self) -> Box:
+        """First row and column, last row and column of the grid, counted from the world origin's cell."""
+        if self._cells.windowed:
+            return self.tiled().box()
+        (row, column), (rows, columns) = self._cells.origin, self._cells.shape
+        return -row, -column, rows - row - 1, columns - column - 1
+
     def tiled(self) -> Tiled:
         """The log-odds where something is known, in tiles."""
         return self._cells.tiled("log_odds")[0]
@@ -98,7 +105,7 @@ class OccupancyGrid:
 
     def wall_positions(self) -> Array:
         """World positions (m, 2) of the centres of the occupied cells, in row order."""
-        return self.centers(self.occupied_cells() + self.origin)
+        return _centers(self.occupied_cells(), self.cell)
 
     def window(self) -> tuple[NDArray[np.uint8], tuple[int, int]]:
         """``occupied`` in the neighbourhood of the last scan, or all of a small grid, and where its origin lies."""
@@ -119,10 +126,7 @@ class OccupancyGrid:
 
     def centers(self, cells: ArrayLike) -> Array:
         """World positions (m, 2) of the centres of cells (m, 2) given as row, column."""
-        rc = np.asarray(cells, dtype=np.float64)
-        return np.stack(
-            [(rc[:, 1] - self.origin[1] + 0.5) * self.cell, (self.origin[0] - rc[:, 0] - 0.5) * self.cell], axis=-1
-        )
+        return _centers(np.asarray(cells, dtype=np.float64) - self.origin, self.cell)
 
     def correlation(self, poses: Array, points: Array, worker: Worker | None = None) -> NDArray[np.int64]:
         """(26) for poses (N, 3): how many occupied cells the end points (m, 2), in the robot's frame, mark.
@@ -274,6 +278,12 @@ class OccupancyGrid:
         log_odds[i, j] = change(log_odds[i, j])
         within = (i > 0) & (j > 0) & (i < log_odds.shape[0] - 1) & (j < log_odds.shape[1] - 1)
         self._occupied[i, j] = (log_odds[i, j] > threshold) & within
+
+
+def _centers(cells: ArrayLike, cell: float) -> Array:
+    """World positions (m, 2) of the centres of cells (m, 2) of ``cell`` m, counted from the world origin's."""
+    rc = np.asarray(cells, dtype=np.float64)
+    return np.stack([(rc[:, 1] + 0.5) * cell, (-rc[:, 0] - 0.5) * cell], axis=-1)
 
 
 class Scratch:

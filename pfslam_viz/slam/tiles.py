@@ -55,6 +55,20 @@ class Tiled:
         low, high = (int(self.rows.min()), int(self.columns.min())), (int(self.rows.max()), int(self.columns.max()))
         return low[0] * n, low[1] * n, high[0] * n + n - 1, high[1] * n + n - 1
 
+    def known_box(self) -> Box | None:
+        """The smallest box that holds every cell whose value is not 0; None where there is none."""
+        boxes = []
+        for row, column, index in zip(self.rows.tolist(), self.columns.tolist(), self.index.tolist(), strict=True):
+            known = self.pool[index] != 0
+            i, j = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+            if len(i):
+                top, left = row * self.size, column * self.size
+                boxes.append((top + i[0], left + j[0], top + i[-1], left + j[-1]))
+        if not boxes:
+            return None
+        low, high = np.min(boxes, axis=0), np.max(boxes, axis=0)
+        return int(low[0]), int(low[1]), int(high[2]), int(high[3])
+
     def where(self, test: Any) -> Index:
         """Row and column (m, 2) of the cells whose values pass ``test`` (array to array of bool), in row order."""
         found = [np.zeros((0, 2), np.int64)]
@@ -78,12 +92,12 @@ class Tiled:
         near &= (self.columns >= left // n) & (self.columns <= right // n)
         for k in np.flatnonzero(near).tolist():
             first = int(self.rows[k]) * n - top, int(self.columns[k]) * n - left
-            here, there = zip(*(_overlap(at, n, size) for at, size in zip(first, out.shape, strict=False)), strict=True)
+            here, there = zip(*(overlap(at, n, size) for at, size in zip(first, out.shape, strict=False)), strict=True)
             out[here] = self.pool[self.index[k]][there]
         return out
 
 
-def _overlap(start: int, length: int, size: int) -> tuple[slice, slice]:
+def overlap(start: int, length: int, size: int) -> tuple[slice, slice]:
     """Where ``length`` cells from ``start`` on lie within the first ``size``, and which of them do."""
     low, high = max(start, 0), min(start + length, size)
     return slice(low, high), slice(low - start, high - start)
@@ -169,9 +183,9 @@ class TiledArrays:
         """Every tile that the arrays have a part of: which one, where in the arrays that is, and where in the tile."""
         (row, column), (rows, columns) = self.origin, self.shape
         for i in range(-row // TILE, (rows - row - 1) // TILE + 1):
-            down, within = _overlap(i * TILE + row, TILE, rows)
+            down, within = overlap(i * TILE + row, TILE, rows)
             for j in range(-column // TILE, (columns - column - 1) // TILE + 1):
-                right, beside = _overlap(j * TILE + column, TILE, columns)
+                right, beside = overlap(j * TILE + column, TILE, columns)
                 yield (i, j), (down, right), (within, beside)
 
     def _keep(self, names: Iterable[str]) -> None:

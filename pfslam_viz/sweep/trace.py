@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz.replay import Result
+from pfslam_viz.slam.map_picture import map_picture
 
 MOST_POSES = 1500
+MOST_CELLS = 6_000_000
 UNKNOWN, FREE, WALL = 128, 250, 25
 """Grey values of a cell of the map."""
 
@@ -33,21 +35,21 @@ class Trace:
 
 
 def pack(result: Result) -> dict[str, Any]:
-    """The arrays of a trace, at most :data:`MOST_POSES` poses."""
+    """The arrays of a trace, at most :data:`MOST_POSES` poses and :data:`MOST_CELLS` cells."""
     kept = np.unique(np.linspace(0, len(result.stamps) - 1, MOST_POSES).round().astype(int))
     grid = result.grid
-    rows, columns = np.nonzero(grid.log_odds)
-    top, left = int(rows.min()), int(columns.min())
-    log_odds = grid.log_odds[top : rows.max() + 1, left : columns.max() + 1]
-    occupied = grid.occupied[top : rows.max() + 1, left : columns.max() + 1] > 0
-    image = np.where(occupied, WALL, np.where(log_odds == 0, UNKNOWN, FREE)).astype(np.uint8)
-    corner = ((left - grid.origin[1]) * grid.cell, (grid.origin[0] - top) * grid.cell)
+
+    def shades(log_odds: NDArray[np.float32]) -> NDArray[np.uint8]:
+        shade = np.where(log_odds > grid.threshold, WALL, np.where(log_odds == 0, UNKNOWN, FREE))
+        return shade.astype(np.uint8)
+
+    picture = map_picture(grid, shades, np.array(UNKNOWN, np.uint8), most=MOST_CELLS)
     arrays = {
         "estimate": result.estimate[kept].astype(np.float32),
         "dead_reckoning": result.dead_reckoning[kept].astype(np.float32),
-        "image": image,
-        "cell": np.float64(grid.cell),
-        "corner": np.array(corner),
+        "image": picture.values,
+        "cell": np.float64(picture.cell),
+        "corner": np.array(picture.upper_left),
     }
     if result.truth is not None:
         arrays["truth"] = result.truth[kept].astype(np.float32)

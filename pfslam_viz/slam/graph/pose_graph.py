@@ -101,28 +101,30 @@ def optimize(
     if n < 2 or k == 0:
         return x
     i, j = constraints.start, constraints.end
-    rows3 = np.arange(3)
-    blocks = [(a[:, None] * 3 + rows3)[:, :, None] + np.zeros((1, 1, 3), np.intp) for a in (i, j)]
-    columns = [(a[:, None] * 3 + rows3)[:, None, :] + np.zeros((1, 3, 1), np.intp) for a in (i, j)]
-    row = np.concatenate([blocks[0].ravel(), blocks[0].ravel(), blocks[1].ravel(), blocks[1].ravel()])
-    column = np.concatenate([columns[0].ravel(), columns[1].ravel(), columns[0].ravel(), columns[1].ravel()])
+    at = np.stack([i, j]).astype(np.int32)[:, :, None] * np.int32(3) + np.arange(3, dtype=np.int32)  # (2, k, 3)
+    row = np.broadcast_to(at[:, None, :, :, None], (2, 2, k, 3, 3)).ravel()  # 32 bits: what the solver works with
+    column = np.broadcast_to(at[None, :, :, None, :], (2, 2, k, 3, 3)).ravel()
     factors = None
     for _ in range(iterations):
         error = residuals(x, constraints)
         a, b = _jacobians(x, constraints)
         omega = constraints.information * weights(x, constraints, scale)[:, None, None]
-        at, bt = a.transpose(0, 2, 1) @ omega, b.transpose(0, 2, 1) @ omega
-        values = np.concatenate([(at @ a).ravel(), (at @ b).ravel(), (bt @ a).ravel(), (bt @ b).ravel()])
+        wa, wb = a.transpose(0, 2, 1) @ omega, b.transpose(0, 2, 1) @ omega
+        values = np.concatenate([(wa @ a).ravel(), (wa @ b).ravel(), (wb @ a).ravel(), (wb @ b).ravel()])
         hessian = coo_matrix((values, (row, column)), shape=(3 * n, 3 * n)).tocsc()
+        del values, omega
         gradient = np.zeros((n, 3))
-        np.add.at(gradient, i, (at @ error[:, :, None])[:, :, 0])
-        np.add.at(gradient, j, (bt @ error[:, :, None])[:, :, 0])
+        np.add.at(gradient, i, (wa @ error[:, :, None])[:, :, 0])
+        np.add.at(gradient, j, (wb @ error[:, :, None])[:, :, 0])
+        del a, b, wa, wb
         reduced = hessian[3:, 3:] + DAMPING * _identity(3 * n - 3)
+        del hessian
         downhill, missed = -gradient.ravel()[3:], 1
         if factors is not None:  # those of the step before are nearly right: a few conjugate gradients do the rest
             nearly = LinearOperator(reduced.shape, factors.solve)
             step, missed = cg(reduced, downhill, rtol=CLOSE, maxiter=MOST_GRADIENTS, M=nearly)
         if missed:
+            factors = nearly = None  # the old ones go first: they are most of what this takes
             factors = splu(reduced, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
             step = factors.solve(downhill)
         change = step.reshape(-1, 3)

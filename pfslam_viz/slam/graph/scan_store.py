@@ -9,6 +9,7 @@ from pfslam_viz import geometry
 from pfslam_viz.slam.graph.scan_matching import MatchingRules, match_pairs
 from pfslam_viz.slam.graph.settings import LoopClosingConfig, ScanMatchingConfig, SmoothingConfig
 from pfslam_viz.slam.graph.walls import describe, thinned
+from pfslam_viz.slam.tiles import enlarged
 from pfslam_viz.slam.worker import Worker
 
 Array = NDArray[np.float64]
@@ -105,7 +106,7 @@ class ScanStore:
         start = int(self._first[self._count])
         end = start + len(points)
         while end > len(self._rows):
-            self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
+            self._rows = enlarged(self._rows, len(self._rows))
         if self._count + 2 > len(self._first):
             self._first = np.concatenate([self._first, np.zeros_like(self._first)])
             self._open_shares = np.concatenate([self._open_shares, np.zeros_like(self._open_shares)])

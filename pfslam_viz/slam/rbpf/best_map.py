@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from pfslam_viz.settings import MapConfig
 from pfslam_viz.slam.occupancy_grid import Array, OccupancyGrid
 from pfslam_viz.slam.rbpf.tile_maps import TileMaps
-from pfslam_viz.slam.tiles import Tiled
+from pfslam_viz.slam.tiles import Box, Tiled
 
 
 class BestMap(OccupancyGrid):
@@ -37,6 +37,10 @@ class BestMap(OccupancyGrid):
     def tiled(self) -> Tiled:
         """As in :class:`OccupancyGrid`, without a copy."""
         return self._maps.tiled(self._index)
+
+    def box(self) -> Box:
+        """As in :class:`OccupancyGrid`, without a copy."""
+        return self._maps.box()
 
     def window(self) -> tuple[NDArray[np.uint8], tuple[int, int]]:
         """All of the map, and where its origin lies."""

@@ -318,8 +318,7 @@ class RaoBlackwellizedFilter(Belief):
         self._weighed = (geometry.compose(to, geometry.between(at, particles)), weights)
         self._best = geometry.compose(to, geometry.between(at, self._best))
         self._history.rebase(self._leader, revised.poses, self._particles)
-        self._maps = TileMaps(1, self._maps.settings)  # the old ones go first: they are as large as the new ones
-        self._grid.show(self._maps, 0)
+        self._show_only(TileMaps(1, self._maps.settings))  # the old ones go first: they are as large as the new ones
         self._maps = self._redrawn(revised.poses)
         self._maps.spread(len(self._particles))
         self._grid.show(self._maps, self._leader)
@@ -338,6 +337,11 @@ class RaoBlackwellizedFilter(Belief):
         for k, pose in enumerate(poses):
             maps.write(pose[None], self._scans.points_of(k), self._scans.lidar_position)
         return maps
+
+    def _show_only(self, maps: TileMaps) -> None:
+        """Let go of the maps so far; the first of these is the one to look at."""
+        self._maps = maps
+        self._grid.show(maps, 0)
 
     def finish(self) -> None:
         """Settle the most likely particle's trajectory in hindsight, and write its map anew.
@@ -359,7 +363,8 @@ class RaoBlackwellizedFilter(Belief):
         if self._verdict.sigmas >= self.config.evidence.preferred:
             self._smoothed = smoothed.poses
             closed = np.concatenate([closed, smoothed.closed])
-            self._grid.show(self._redrawn(smoothed.poses), 0)
+            self._show_only(TileMaps(1, self._maps.settings))  # the old ones go first
+            self._show_only(self._redrawn(smoothed.poses))
         self._closures = tuple(self._closure(int(earlier), int(later)) for earlier, later in closed)
 
     @property

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pfslam_viz.slam.rbpf.settings import RbpfConfig
 from pfslam_viz.slam.rbpf.tile_kernels import BITS, SIZE, Field, Floats, join, project, write_scans
-from pfslam_viz.slam.tiles import Tiled, enlarged
+from pfslam_viz.slam.tiles import Box, Tiled, enlarged
 
 FIRST_TILES = 256
 
@@ -127,6 +127,11 @@ class TileMaps:
         """One map's log-odds (rows, columns) as an array of its own, and the row and column of the world's origin."""
         return join(self.table[index], self.log_odds), (int(self.origin[0]), int(self.origin[1]))
 
+    def box(self) -> Box:
+        """First row and column, last row and column that the maps have room for, from the world origin's cell."""
+        (row, column), (rows, columns) = self.origin.tolist(), self.table.shape[1:]
+        return -row, -column, rows * SIZE - row - 1, columns * SIZE - column - 1
+
     def tiled(self, index: int) -> Tiled:
         """One map's log-odds in tiles, without a copy."""
         table = self.table[index]
@@ -147,7 +152,8 @@ class TileMaps:
 
     def _add_tiles(self) -> None:
         more = len(self.log_odds)
-        self.log_odds, self.field = enlarged(self.log_odds, more), enlarged(self.field, more)
+        self.log_odds = enlarged(self.log_odds, more)
+        self.field = enlarged(self.field, more)  # one after the other: an old pool goes before the next new one comes
         self._references = np.concatenate([self._references, np.zeros(more, np.int32)])
         self._count_references()
 
