@@ -24,6 +24,7 @@ STUDIES = ("particles", "resampling", "variance", "resolution", "perturbation", 
 WALLS = ("particles", "resolution")
 PAGE = ROOT / "docs" / "paper-claims.md"
 PICTURES = ("curves.png", "maps-0.png")  # of several recordings, of one
+LEFT_OUT = ("", "x real time", "seeds")  # columns: the mark, times of a machine that others use, what the text says
 
 
 def main(arguments: list[str]) -> None:
@@ -65,9 +66,12 @@ def _swept(command: list[str], out: Path) -> str:
 
 def first_table(page: str) -> str:
     """Of a sweep's table.md: the table of all recordings, or the one that there is, and what it took."""
-    rows = re.search(r"^\|.*?(?=\n(?!\|))", page, re.DOTALL | re.MULTILINE)
-    assert rows is not None, page
-    return f"{rows.group()}\n\n{page.partition(chr(10))[0]}."
+    found = re.search(r"^\|.*?(?=\n(?!\|))", page, re.DOTALL | re.MULTILINE)
+    assert found is not None, page
+    rows = [[text.strip() for text in line.strip("|").split("|")] for line in found.group().splitlines()]
+    kept = [k for k, name in enumerate(rows[0]) if name not in LEFT_OUT]
+    lines = [f"| {' | '.join(row[k] for k in kept)} |" for row in rows]
+    return "\n".join([*lines, "", f"{page.partition(chr(10))[0]}."])
 
 
 def filled(page: str, tables: dict[str, str]) -> str:
