@@ -6,6 +6,8 @@ scans are laid over each other at one shift after the other along the open direc
 :mod:`pfslam_viz.slam.graph.evidence`. A shift counts only if no other, further away, is nearly as good.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,16 +33,16 @@ def hold_along(
     if len(at) == 0:
         return visits, visits.pick(at)
     shifts = shifts_along(scans, visits.pick(at), axes, config, evidence)
-    clear = np.isfinite(shifts)
-    at, axes, shifts = at[clear], axes[clear], shifts[clear]
-    measured, information = visits.measured.copy(), visits.information.copy()
-    measured[at] = geometry.compose(measured[at], np.column_stack([shifts[:, None] * axes, np.zeros(len(at))]))
-    information[at, :2, :2] += config.deviation**-2.0 * axes[:, :, None] * axes[:, None, :]
-    moved = Constraints(visits.start, visits.end, measured, information, visits.robust)
-    far = at[np.abs(shifts) > config.near]
-    measured, information = measured.copy(), information.copy()
-    measured[far], information[far] = visits.measured[far], visits.information[far]
-    return Constraints(visits.start, visits.end, measured, information, visits.robust), moved.pick(far).firm()
+    moves = np.column_stack([shifts[:, None] * axes, np.zeros(len(at))])
+    moved = geometry.compose(visits.measured[at], moves)
+    information = visits.information[at].copy()
+    information[:, :2, :2] += config.deviation**-2.0 * axes[:, :, None] * axes[:, None, :]
+    near = np.abs(shifts) <= config.near
+    far = np.abs(shifts) > config.near
+    held = replace(visits, measured=visits.measured.copy(), information=visits.information.copy())
+    held.measured[at[near]], held.information[at[near]] = moved[near], information[near]
+    loops = replace(visits.pick(at[far]), measured=moved[far], information=information[far])
+    return held, loops.firm()
 
 
 def _open(visits: Constraints, config: SlidingConfig) -> tuple[Indices, Array]:
@@ -54,7 +56,7 @@ def _open(visits: Constraints, config: SlidingConfig) -> tuple[Indices, Array]:
 def shifts_along(
     scans: ScanStore, visits: Constraints, axes: Array, config: SlidingConfig, evidence: EvidenceConfig
 ) -> Array:
-    """How far (v,) m along their ``axes`` (v, 2) free space puts the later scans of ``visits``; nan where it is unsure."""
+    """How far (v,) m along their ``axes`` (v, 2) free space puts the later scans of ``visits``; nan where unsure."""
     count = round(config.reach / config.step)
     steps = np.arange(-count, count + 1, dtype=np.float64)
     moves = np.zeros((len(visits), len(steps), 3))

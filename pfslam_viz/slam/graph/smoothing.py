@@ -248,7 +248,7 @@ def match(scans: ScanStore, poses: Array, pairs: Indices, gates: Array, config: 
 def match_neighbours(
     scans: ScanStore, poses: Array, pairs: Indices, gates: Array, config: GraphConfig
 ) -> tuple[Constraints, Constraints]:
-    """As :func:`match`, with visits held along corridors by free space; and those visits that are to slide along one."""
+    """As :func:`match`, with visits held along corridors by free space; and those that are to slide along one."""
     matched = match(scans, poses, pairs, gates, config.smoothing)
     visits = visits_of(matched, config.smoothing)
     if not config.sliding.enabled:
