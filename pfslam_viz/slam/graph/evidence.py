@@ -98,11 +98,17 @@ def witnesses(poses: Array, others: Array, config: EvidenceConfig) -> Indices:
 
 def agreement(scans: ScanStore, poses: Array, pairs: Indices, config: EvidenceConfig) -> Array:
     """(p,): the share of end points on each other's walls, less ``crossed`` times that in each other's open space."""
-    increments = geometry.between(poses[pairs[:, 0]], poses[pairs[:, 1]])
-    back = geometry.between(poses[pairs[:, 1]], poses[pairs[:, 0]])
+    earlier, later = np.ascontiguousarray(pairs[:, 0]), np.ascontiguousarray(pairs[:, 1])
+    return agreement_of(scans, earlier, later, geometry.between(poses[earlier], poses[later]), config)
+
+
+def agreement_of(
+    scans: ScanStore, earlier: Indices, later: Indices, increments: Array, config: EvidenceConfig
+) -> Array:
+    """The same (p,) of key scans ``earlier`` (p,) and ``later`` (p,), apart by the ``increments`` (p, 3)."""
     store = (scans.points, scans.normals, scans.bearings, scans.first, scans.lidar_position)
     rules = EvidenceRules.of(config)
-    earlier, later = np.ascontiguousarray(pairs[:, 0]), np.ascontiguousarray(pairs[:, 1])
+    back = geometry.between(increments, np.zeros(3))
     there = _agreement(*store, earlier, later, increments, rules)
     here = _agreement(*store, later, earlier, back, rules)
     told = (there[:, 1] >= config.least_told) & (here[:, 1] >= config.least_told)

@@ -16,7 +16,7 @@ from pfslam_viz.slam.graph.loop_closing import confirmed, find_candidates, searc
 from pfslam_viz.slam.graph.pose_graph import Constraints, residuals
 from pfslam_viz.slam.graph.scan_store import ScanStore
 from pfslam_viz.slam.graph.settings import GraphConfig
-from pfslam_viz.slam.graph.smoothing import Smoothed, Smoother, match, neighbouring, visits_of
+from pfslam_viz.slam.graph.smoothing import Smoothed, Smoother, match_neighbours, neighbouring, visits_of
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -39,6 +39,7 @@ class Reviser:
         self._last = 0  # key scans there were at the last revision, taken over or not
         self._matched = NOTHING  # all neighbours, as they were matched when they came
         self._closures = NOTHING  # recognised places that nothing has confirmed yet
+        self._slides = NOTHING  # visits among the key scans looked at last that are to slide along a corridor
         self._deviation, self._measured = np.zeros(2), 0  # of a match, and how many matches told it
         self.held, self._chosen = False, 0  # whether the filter's headings are held, as chosen at so many key scans
         self.visits = NOTHING  # matches of the key scans looked at last with earlier visits
@@ -58,7 +59,7 @@ class Reviser:
         c, n = self.config.revision, len(poses)
         off = self._look(smoother.scans, poses)
         searched = self.config.loop_closing.enabled and off is None
-        loops = self._recognise(smoother, poses) if searched else []
+        loops = self._recognise(smoother, poses) if searched else self._slid(poses)
         self._seen = n
         since = n - self._last
         rested = since >= max(c.pause, c.pause_share * n)
@@ -93,7 +94,7 @@ class Reviser:
         """
         c, s = self.config.revision, self.config.smoothing
         pairs = neighbouring(poses, s, self._seen)
-        matched = match(scans, poses, pairs, np.array(s.first_gates), s)
+        matched, self._slides = match_neighbours(scans, poses, pairs, np.array(s.first_gates), self.config)
         self._matched = Constraints.join([self._matched, matched])
         visits = self.visits = visits_of(matched, s)
         if len(visits) < c.fewest_visits:
@@ -115,6 +116,13 @@ class Reviser:
         if len(found) == 0:
             return []
         self._closures = Constraints.join([self._closures, found])
+        return confirmed(poses, self._closures, self.config.loop_closing)
+
+    def _slid(self, poses: Array) -> list[Constraints]:
+        """Loops that the key scans since the last time close along a corridor, or confirm."""
+        if len(self._slides) == 0 or not self.config.loop_closing.enabled:
+            return []
+        self._closures = Constraints.join([self._closures, self._slides])
         return confirmed(poses, self._closures, self.config.loop_closing)
 
     def _deviation_of_matches(self, smoother: Smoother, poses: Array) -> Array:

@@ -191,6 +191,19 @@ class EvidenceConfig(Section):
     preferred: float = setting(0.25, "standard errors from which the settled trajectory is kept, which knows more")
 
 
+class SlidingConfig(Section):
+    """Where along a corridor two visits are, if their match leaves that open: free space may tell."""
+
+    enabled: bool = setting(True, "lay visits over each other along a direction that their match leaves open")
+    every: int = setting(3, "key scans from one that is looked at to the next", ge=1)
+    reach: float = setting(1.2, "looked so far to either side", "m", gt=0)
+    step: float = setting(0.1, "of the shifts that are tried", "m", gt=0)
+    gain: float = setting(0.1, "share of end points that a shift explains more than any other, at least ...", gt=0)
+    apart: float = setting(0.25, "... of those further from it than this", "m", gt=0)
+    near: float = setting(0.2, "a match that is moved farther is a loop to be closed", "m", gt=0)
+    deviation: float = setting(0.05, "standard deviation of what is found", "m", gt=0)
+
+
 class RevisionConfig(Section):
     """Closing loops and settling the trajectory while the robot drives: every particle then goes on from there."""
 
@@ -229,4 +242,5 @@ class GraphConfig(Config):
     drift: DriftConfig = DriftConfig()
     loop_closing: LoopClosingConfig = LoopClosingConfig()
     evidence: EvidenceConfig = EvidenceConfig()
+    sliding: SlidingConfig = SlidingConfig()
     revision: RevisionConfig = RevisionConfig()

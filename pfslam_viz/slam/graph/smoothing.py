@@ -12,11 +12,12 @@ from pfslam_viz import geometry
 from pfslam_viz.slam.graph.drift import Drift, joint_deviations, match_deviation, spanned
 from pfslam_viz.slam.graph.evidence import compare
 from pfslam_viz.slam.graph.filter_constraints import filter_constraints, heading_spans
-from pfslam_viz.slam.graph.loop_closing import find_loops
+from pfslam_viz.slam.graph.loop_closing import confirmed, find_loops
 from pfslam_viz.slam.graph.odometry_errors import OdometryErrors
 from pfslam_viz.slam.graph.pose_graph import Constraints, optimize, residuals, turned, weights
 from pfslam_viz.slam.graph.scan_store import ScanStore, trusted
 from pfslam_viz.slam.graph.settings import GraphConfig, SmoothingConfig
+from pfslam_viz.slam.graph.sliding import hold_along
 from pfslam_viz.slam.graph.visits import earlier_visits
 
 Array = NDArray[np.float64]
@@ -62,7 +63,7 @@ class Smoother:
         poses, support = self.choose_held(poses, self._settings.filter_constraints.sure)
         if self.loops.enabled:
             for _ in range(self.loops.searches):
-                loops = find_loops(self.scans, poses, self.drift(poses, closed), self.loops)
+                loops = find_loops(self.scans, poses, self.drift(poses, closed), self.loops) + self.slid(poses)
                 poses, support, joined = self.close_best(poses, support, loops)
                 if len(joined) == 0:
                     break
@@ -85,8 +86,16 @@ class Smoother:
 
     def relax(self, poses: Array, gates: Array) -> tuple[Array, float]:
         """Match all neighbours and relax the graph once: poses (k, 3), and the sum of all constraints' weights."""
-        matched = match(self.scans, poses, neighbouring(poses, self.config), gates, self.config)
-        return self._relax_by(poses, matched)
+        return self._relax_by(poses, self._match(poses, gates)[0])
+
+    def _match(self, poses: Array, gates: Array) -> tuple[Constraints, Constraints]:
+        """All neighbours matched, visits held along corridors; and those of them that are to slide along one."""
+        return match_neighbours(self.scans, poses, neighbouring(poses, self.config), gates, self._settings)
+
+    def slid(self, poses: Array) -> list[Constraints]:
+        """Loops to be closed along corridors, where free space tells two visits further apart than their match does."""
+        _, slid = self._match(poses, np.array(self.config.gates))
+        return confirmed(poses, slid, self.loops)
 
     def _relax_by(self, poses: Array, matched: Constraints) -> tuple[Array, float]:
         """The same with what is ``matched`` already."""
@@ -122,7 +131,7 @@ class Smoother:
         gates = np.array(self.config.gates)
         if not self._settings.filter_constraints.spans:
             return self.relax(poses, gates)
-        matched = match(self.scans, poses, neighbouring(poses, self.config), gates, self.config)
+        matched, _ = self._match(poses, gates)
         graphs, before = [], self.held
         for held in (False, True):
             self.held = held
@@ -161,7 +170,7 @@ class Smoother:
     def drift(self, poses: Array, closed: Indices) -> Drift:
         """How far key scans may have drifted apart, though visits are matched and the loops (p, 2) are closed."""
         c = self.config
-        matched = match(self.scans, poses, neighbouring(poses, c), np.array(c.gates), c)
+        matched, _ = self._match(poses, np.array(c.gates))
         deviation = match_deviation(self.sound(poses, matched), c.hops, self._settings.drift)
         return self.drift_by(poses, closed, matched, deviation)
 
@@ -183,7 +192,7 @@ class Smoother:
         """Pull the graph together at ``loop``, then let it relax without: as :meth:`relax`."""
         c = self.config
         first_gates, gates = np.array(c.first_gates), np.array(c.gates)
-        matched = match(self.scans, poses, neighbouring(poses, c), gates, c)
+        matched, _ = self._match(poses, gates)
         sound, longest = self.sound(poses, matched), max(c.hops)
         chain = sound.pick(np.flatnonzero(sound.end - sound.start <= longest))
         firm = chain.firm()  # what joins successive scans bends, it does not snap
@@ -234,6 +243,19 @@ def match(scans: ScanStore, poses: Array, pairs: Indices, gates: Array, config: 
     good = trusted(found, guesses, config)
     information = config.temper * turned(found.information, found.poses[:, 2])
     return Constraints(start[good], end[good], found.poses[good], information[good], np.ones(good.sum(), np.bool_))
+
+
+def match_neighbours(
+    scans: ScanStore, poses: Array, pairs: Indices, gates: Array, config: GraphConfig
+) -> tuple[Constraints, Constraints]:
+    """As :func:`match`, with visits held along corridors by free space; and those that are to slide along one."""
+    matched = match(scans, poses, pairs, gates, config.smoothing)
+    visits = visits_of(matched, config.smoothing)
+    if not config.sliding.enabled:
+        return matched, visits.pick(np.zeros(0, np.int64))
+    near = matched.pick(np.flatnonzero(matched.end - matched.start <= max(config.smoothing.hops)))
+    visits, slid = hold_along(scans, visits, config.sliding, config.evidence)
+    return Constraints.join([near, visits]), slid
 
 
 def odometry_deviation(steps: Array, config: SmoothingConfig) -> Array:
