@@ -3,8 +3,11 @@
 python -m pytest benchmarks/test_kernels.py -o addopts=
 """
 
+import math
+
 import numpy as np
 import pytest
+from numba import njit
 from numpy.typing import NDArray
 
 from benchmarks.literal_filter import LiteralMap, world
@@ -18,6 +21,7 @@ pytest.importorskip("pytest_benchmark")
 
 PARTICLES, BEAMS = 500, 1081
 Array = NDArray[np.float64]
+Line = NDArray[np.float32]
 
 
 @pytest.fixture(scope="module")
@@ -58,6 +62,34 @@ def literal(config: Config, scan: Array) -> LiteralMap:
 def test_correlate(benchmark, grid: OccupancyGrid, particles: Array, scan: Array) -> None:  # type: ignore[no-untyped-def]
     benchmark.group = "correlation, (26)"
     assert benchmark(grid.correlation, particles, scan).max() > 0
+
+
+@njit(nogil=True, fastmath=True)
+def _look_up(occupied: NDArray[np.uint8], size: int, particles: NDArray[np.float32], xs: Line, ys: Line) -> int:
+    """What no correlation can do without: every end point turned by every particle, its cell found and read.
+
+    ``occupied`` (size²,) is a square map round the origin, all else is in cells.
+    """
+    total = 0
+    for k in range(len(particles)):
+        x, y = particles[k, 0] + np.float32(size / 2), particles[k, 1] + np.float32(size / 2)
+        c, s = np.float32(math.cos(particles[k, 2])), np.float32(math.sin(particles[k, 2]))
+        hits = np.int32(0)
+        for b in range(len(xs)):
+            column = np.int32(x + c * xs[b] - s * ys[b])  # positive, so that to cut is to floor
+            row = np.int32(y + s * xs[b] + c * ys[b])
+            hits += np.int32(occupied[row * np.int32(size) + column])
+        total += hits
+    return total
+
+
+def test_correlate_limit(benchmark, grid: OccupancyGrid, particles: Array, scan: Array) -> None:  # type: ignore[no-untyped-def]
+    """A loop that only turns, floors and looks up, on one thread; cells count as often as they are hit."""
+    benchmark.group = "correlation, (26)"
+    cells = 1.0 / grid.cell
+    turned = (particles * [cells, cells, 1.0]).astype(np.float32)
+    xs, ys = np.ascontiguousarray((scan * cells).astype(np.float32).T)
+    assert benchmark(_look_up, np.ones(512 * 512, np.uint8), 512, turned, xs, ys) == PARTICLES * len(scan)
 
 
 def test_correlate_numpy(benchmark, literal: LiteralMap, particles: Array, scan: Array) -> None:  # type: ignore[no-untyped-def]
