@@ -64,7 +64,7 @@ def test_correlate(benchmark, grid: OccupancyGrid, particles: Array, scan: Array
     assert benchmark(grid.correlation, particles, scan).max() > 0
 
 
-@njit(nogil=True, fastmath=True)
+@njit(nogil=True, fastmath=True)  # type: ignore[untyped-decorator]
 def _look_up(occupied: NDArray[np.uint8], size: int, particles: NDArray[np.float32], xs: Line, ys: Line) -> int:
     """What no correlation can do without: every end point turned by every particle, its cell found and read.
 
