@@ -64,7 +64,7 @@ def test_correlate(benchmark, grid: OccupancyGrid, particles: Array, scan: Array
     assert benchmark(grid.correlation, particles, scan).max() > 0
 
 
-@njit(nogil=True, fastmath=True)  # type: ignore[untyped-decorator]
+@njit(nogil=True, fastmath=True)
 def _look_up(occupied: NDArray[np.uint8], size: int, particles: NDArray[np.float32], xs: Line, ys: Line) -> int:
     """What no correlation can do without: every end point turned by every particle, its cell found and read.
 
@@ -79,7 +79,7 @@ def _look_up(occupied: NDArray[np.uint8], size: int, particles: NDArray[np.float
             column = np.int32(x + c * xs[b] - s * ys[b])  # positive, so that to cut is to floor
             row = np.int32(y + s * xs[b] + c * ys[b])
             hits += np.int32(occupied[row * np.int32(size) + column])
-        total += hits
+        total += int(hits)
     return total
 
 
