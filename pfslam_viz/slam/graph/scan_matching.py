@@ -65,7 +65,7 @@ def approximate_bearing(x: float, y: float, ahead: float) -> float:
 
 
 @kernel()
-def _first_from(bearings: Floats, low: int, high: int, value: float, start: int) -> int:
+def first_from(bearings: Floats, low: int, high: int, value: float, start: int) -> int:
     """The first of ``low`` to ``high`` whose bearing is at least ``value``, or ``high``, looked for from ``start``."""
     k = start
     while k > low and bearings[k - 1] >= value:
@@ -212,7 +212,7 @@ def match_pairs(
                         best = d
                     else:
                         at = -1
-                middle = _first_from(bearing_of, 0, n, bearing, middle)
+                middle = first_from(bearing_of, 0, n, bearing, middle)
                 for side in range(-1, 2, 2):  # outwards, as long as a point at that bearing can still be nearer
                     i = middle if side > 0 else middle - 1
                     while 0 <= i < n:

@@ -48,6 +48,7 @@ class Smoother:
         self._odometry, self._found = odometry, found
         self._unknown = np.zeros_like(odometry) if unknown is None else unknown
         self._errors = OdometryErrors(config.odometry)
+        self._kept: tuple[bytes, tuple[Constraints, Constraints]] | None = None  # what was matched last
         self.held = False  # whether the filter's headings over long spans are held
 
     def smooth(self, poses: Array) -> Smoothed:
@@ -89,8 +90,15 @@ class Smoother:
         return self._relax_by(poses, self._match(poses, gates)[0])
 
     def _match(self, poses: Array, gates: Array) -> tuple[Constraints, Constraints]:
-        """All neighbours matched, visits held along corridors; and those of them that are to slide along one."""
-        return match_neighbours(self.scans, poses, neighbouring(poses, self.config), gates, self._settings)
+        """All neighbours matched, visits held along corridors; and those of them that are to slide along one.
+
+        What came of the last call is kept: drift, loops and the relaxing after them often ask for the same.
+        """
+        asked = poses.tobytes() + gates.tobytes()
+        if self._kept is None or self._kept[0] != asked:
+            pairs = neighbouring(poses, self.config)
+            self._kept = asked, match_neighbours(self.scans, poses, pairs, gates, self._settings)
+        return self._kept[1]
 
     def slid(self, poses: Array) -> list[Constraints]:
         """Loops to be closed along corridors, where free space tells two visits further apart than their match does."""
@@ -146,9 +154,14 @@ class Smoother:
         A worn or badly measured wheel is wrong by the same share everywhere. Where a corridor leaves the scans no say,
         the odometry then says what it says elsewhere, corrected.
         """
-        successive = np.stack([np.arange(len(poses) - 1), np.arange(1, len(poses))], axis=-1)
-        found = match(self.scans, poses, successive, np.array(self.config.gates), self.config)
-        found = found.pick(np.flatnonzero(~self._unknown[found.end].any(axis=1)))
+        gates = np.array(self.config.gates)
+        if self.config.hops.count(1) == 1:
+            found, _ = self._match(poses, gates)
+        else:
+            successive = np.stack([np.arange(len(poses) - 1), np.arange(1, len(poses))], axis=-1)
+            found = match(self.scans, poses, successive, gates, self.config)
+        known = ~self._unknown[found.end].any(axis=1)
+        found = found.pick(np.flatnonzero(known & (found.end - found.start == 1)))
         deviation = odometry_deviation(self._odometry[1:], self.config)[found.start]
         config = self._settings.odometry
         self._errors = OdometryErrors.of(
