@@ -155,7 +155,7 @@ def _agreement(
             if (i < r1 and bearings[i] - bearing < NEARLY) or (i > r0 and bearing - bearings[i - 1] < NEARLY):
                 bearing = math.atan2(ly, lx)
                 bearing -= 2.0 * math.pi * math.floor((bearing - ahead) / (2.0 * math.pi) + 0.5)
-                i = first_from(bearings, r0, r1, np.float32(bearing), i)
+                i = first_from(bearings, r0, r1, float(np.float32(bearing)), i)
             if not r0 < i < r1 or bearings[i] - bearings[i - 1] > gap:
                 continue
             nearest = 1e9

@@ -65,7 +65,7 @@ def approximate_bearing(x: float, y: float, ahead: float) -> float:
 
 
 @kernel()
-def first_from(bearings: Floats, low: int, high: int, value: float, start: int) -> int:
+def first_from(bearings: Floats | Singles, low: int, high: int, value: float, start: int) -> int:
     """The first of ``low`` to ``high`` whose bearing is at least ``value``, or ``high``, looked for from ``start``."""
     k = start
     while k > low and bearings[k - 1] >= value:

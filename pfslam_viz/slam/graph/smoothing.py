@@ -87,7 +87,7 @@ class Smoother:
 
     def relax(self, poses: Array, gates: Array) -> tuple[Array, float]:
         """Match all neighbours and relax the graph once: poses (k, 3), and the sum of all constraints' weights."""
-        return self._relax_by(poses, self._match(poses, gates)[0])
+        return self._relax_by(poses, self._match(poses, gates)[0], self.held)
 
     def _match(self, poses: Array, gates: Array) -> tuple[Constraints, Constraints]:
         """All neighbours matched, visits held along corridors; and those of them that are to slide along one.
@@ -105,18 +105,18 @@ class Smoother:
         _, slid = self._match(poses, np.array(self.config.gates))
         return confirmed(poses, slid, self.loops)
 
-    def _relax_by(self, poses: Array, matched: Constraints) -> tuple[Array, float]:
-        """The same with what is ``matched`` already."""
-        constraints = Constraints.join([*self._driven(poses, matched), matched])
+    def _relax_by(self, poses: Array, matched: Constraints, held: bool) -> tuple[Array, float]:
+        """The same with what is ``matched`` already, and the filter's headings ``held`` or not."""
+        constraints = Constraints.join([*self._driven(poses, matched, held), matched])
         poses = self._optimize(poses, constraints, self.config.iterations)
         return poses, float(weights(poses, constraints, self.config.scale).sum())
 
-    def _driven(self, poses: Array, matched: Constraints) -> list[Constraints]:
+    def _driven(self, poses: Array, matched: Constraints, held: bool) -> list[Constraints]:
         """What is known of the motion from key scan to key scan besides the ``matched`` scans."""
         bridged = self._bridged(poses, matched)
         alone = np.flatnonzero(~bridged)  # elsewhere the filter's say would count the same scans twice
         c = self._settings.filter_constraints
-        spans = heading_spans(self._found, c) if self.held else []
+        spans = heading_spans(self._found, c) if held else []
         return [self._motion(poses, bridged), filter_constraints(self.scans, self._found, alone, c), *spans]
 
     def _bridged(self, poses: Array, matched: Constraints) -> NDArray[np.bool_]:
@@ -140,13 +140,12 @@ class Smoother:
         if not self._settings.filter_constraints.spans:
             return self.relax(poses, gates)
         matched, _ = self._match(poses, gates)
-        graphs, before = [], self.held
-        for held in (False, True):
-            self.held = held
-            graphs.append(self._relax_by(poses, matched))
-        verdict = compare(self.scans, graphs[1][0], graphs[0][0], self._settings.evidence)
-        self.held = verdict.sigmas > (-sure if before else sure)  # as before, unless there is good reason to change
-        return graphs[self.held]
+        other = self.scans.worker.submit(lambda: self._relax_by(poses, matched, held=True))
+        free = self._relax_by(poses, matched, held=False)
+        held = other.result()
+        verdict = compare(self.scans, held[0], free[0], self._settings.evidence)
+        self.held = verdict.sigmas > (-sure if self.held else sure)  # as before, unless there is good reason to change
+        return held if self.held else free
 
     def learn_errors(self, poses: Array) -> OdometryErrors:
         """Find the wheels' scale and the odometry's noise from all successive key scans that can tell.
@@ -209,7 +208,7 @@ class Smoother:
         sound, longest = self.sound(poses, matched), max(c.hops)
         chain = sound.pick(np.flatnonzero(sound.end - sound.start <= longest))
         firm = chain.firm()  # what joins successive scans bends, it does not snap
-        pulled = Constraints.join([*self._driven(poses, matched), firm, visits_of(matched, c), loop])
+        pulled = Constraints.join([*self._driven(poses, matched, self.held), firm, visits_of(matched, c), loop])
         poses = self._optimize(poses, pulled, 2 * c.iterations)  # a pull from far takes longer
         poses, _ = self.relax(poses, first_gates)
         return self.relax(poses, gates)
