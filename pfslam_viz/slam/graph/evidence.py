@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.compiling.kernel import kernel
+from pfslam_viz.slam.graph.scan_matching import approximate_bearing, first_from
 from pfslam_viz.slam.graph.scan_store import ScanStore
 from pfslam_viz.slam.graph.settings import EvidenceConfig
 from pfslam_viz.slam.graph.visits import earlier_visits
@@ -23,6 +24,8 @@ from pfslam_viz.slam.graph.visits import earlier_visits
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Singles = NDArray[np.float32]
+
+NEARLY = 1e-6  # rad from a beam, within which an approximate bearing does not tell on which side of it it is
 
 
 class EvidenceRules(NamedTuple):
@@ -132,6 +135,7 @@ def _agreement(
     An increment is the other scan's pose in the frame of its reference.
     """
     out = np.zeros((len(references), 2))
+    on_wall = rules.wall_sigmas * rules.sigma
     for k in range(len(references)):
         r0, r1 = first[references[k]], first[references[k] + 1]
         q0, q1 = first[others[k]], first[others[k] + 1]
@@ -141,38 +145,37 @@ def _agreement(
         ahead = 0.5 * (bearings[r0] + bearings[r1 - 1])
         x, y = increments[k, 0], increments[k, 1]
         c, s = math.cos(increments[k, 2]), math.sin(increments[k, 2])
-        total, told, looked = 0.0, 0, 0
+        total, told, looked, i = 0.0, 0, 0, r0
         for b in range(q0, q1, 1 + (q1 - q0) // rules.beams):
             looked += 1
             px, py = x + c * points[b, 0] - s * points[b, 1], y + s * points[b, 0] + c * points[b, 1]
             lx, ly = px - lidar_position[0], py - lidar_position[1]
-            bearing = math.atan2(ly, lx)
-            bearing -= 2.0 * math.pi * math.floor((bearing - ahead) / (2.0 * math.pi) + 0.5)
-            i, high, value = r0, r1, np.float32(bearing)
-            while i < high:  # the first beam that is not before it
-                middle = (i + high) // 2
-                if bearings[middle] < value:
-                    i = middle + 1
-                else:
-                    high = middle
+            bearing = approximate_bearing(lx, ly, ahead)
+            i = first_from(bearings, r0, r1, bearing, i)  # the first beam that is not before it
+            if (i < r1 and bearings[i] - bearing < NEARLY) or (i > r0 and bearing - bearings[i - 1] < NEARLY):
+                bearing = math.atan2(ly, lx)
+                bearing -= 2.0 * math.pi * math.floor((bearing - ahead) / (2.0 * math.pi) + 0.5)
+                i = first_from(bearings, r0, r1, float(np.float32(bearing)), i)
             if not r0 < i < r1 or bearings[i] - bearings[i - 1] > gap:
                 continue
-            far = math.hypot(lx, ly)
             nearest = 1e9
-            shortest, longest = 1e9, 0.0
             for j in range(i - 1, i + 1):
                 dx, dy = px - points[j, 0], py - points[j, 1]
                 nx, ny = normals[j, 0], normals[j, 1]
-                away = math.hypot(dx, dy)
-                if (nx != 0.0 or ny != 0.0) and away < rules.wall_reach:
-                    away = abs(nx * dx + ny * dy)
-                nearest = min(nearest, away)
-                reach = math.hypot(points[j, 0] - lidar_position[0], points[j, 1] - lidar_position[1])
-                shortest, longest = min(shortest, reach), max(longest, reach)
-            if nearest < rules.wall_sigmas * rules.sigma:
+                square = dx * dx + dy * dy
+                if (nx != 0.0 or ny != 0.0) and square < rules.wall_reach * rules.wall_reach:
+                    nearest = min(nearest, abs(nx * dx + ny * dy))
+                elif square < on_wall * on_wall:
+                    nearest = min(nearest, math.hypot(dx, dy))
+            if nearest < on_wall:
                 total += math.exp(-0.5 * (nearest / rules.sigma) ** 2)
                 told += 1
-            elif far < shortest - rules.margin - rules.margin_share * far:
+                continue
+            far, shortest = math.sqrt(lx * lx + ly * ly), 1e9
+            for j in range(i - 1, i + 1):
+                dx, dy = points[j, 0] - lidar_position[0], points[j, 1] - lidar_position[1]
+                shortest = min(shortest, math.sqrt(dx * dx + dy * dy))
+            if far < shortest - rules.margin - rules.margin_share * far:
                 total -= rules.crossed
                 told += 1
         out[k, 0], out[k, 1] = total / looked, told / looked

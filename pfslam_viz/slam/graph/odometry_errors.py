@@ -42,7 +42,7 @@ class OdometryErrors:
     ) -> "OdometryErrors":
         """Of many motions at once, (k, 3), (k, 3), (k, 3, 3), (k, 3); see :meth:`add`."""
         errors = cls(config, forget=False)
-        for motion in zip(odometry, found, information, deviation, strict=True):
+        for motion in zip(odometry, found, errors._known(information), deviation, strict=True):
             errors._remember(*motion)
         errors._evaluate()
         return errors
@@ -52,15 +52,21 @@ class OdometryErrors:
 
         ``information`` (3, 3) is the match's, ``deviation`` (3,) the odometry's noise as the settings say it.
         """
-        self._remember(odometry, found, information, deviation)
+        self._remember(odometry, found, bool(self._known(information)), deviation)
         self._evaluate()
 
-    def _remember(self, odometry: Array, found: Array, information: Array, deviation: Array) -> None:
+    def _known(self, information: Array) -> NDArray[np.bool_]:
+        """Whether matches' information (..., 3, 3) leaves no direction open."""
+        position = information[..., :2, :2]
+        least = self.config.scale_known * (position[..., 0, 0] + position[..., 1, 1])
+        known: NDArray[np.bool_] = np.linalg.eigvalsh(position)[..., 0] >= least
+        return known
+
+    def _remember(self, odometry: Array, found: Array, known: bool, deviation: Array) -> None:
         turn = math.remainder(found[2] - odometry[2], 2.0 * math.pi)
         self._turns.append(abs(turn) / deviation[2])
         driven = math.hypot(odometry[0], odometry[1])
-        position, c = information[:2, :2], self.config
-        if driven < c.scale_driven or np.linalg.eigvalsh(position)[0] < c.scale_known * np.trace(position):
+        if driven < self.config.scale_driven or not known:
             return
         ahead = float(found[0] * odometry[0] + found[1] * odometry[1]) / driven
         aside = float(found[1] * odometry[0] - found[0] * odometry[1]) / driven
@@ -71,7 +77,7 @@ class OdometryErrors:
         if len(self._motions) < self.config.scale_motions:
             return
         driven, ahead, aside, deviation = np.array(self._motions).T
-        scale = float(np.median(ahead / driven))
+        scale = _median(ahead / driven)
         self.scale = scale if 1.0 / self.config.largest_scale < scale < self.config.largest_scale else 1.0
         missed = np.abs(np.concatenate([ahead - self.scale * driven, aside]))
         self.distance = self._multiple(missed / np.tile(deviation, 2))
@@ -83,4 +89,13 @@ class OdometryErrors:
         """
         c = self.config
         values = np.concatenate([ratios, np.full(c.prior_motions, 1.0 / NORMAL)])
-        return float(np.clip(NORMAL * np.median(values), c.least_noise, c.most_noise))
+        return float(np.clip(NORMAL * _median(values), c.least_noise, c.most_noise))
+
+
+def _median(values: Array) -> float:
+    """As NumPy's, in a fifth of the time for as few values as these."""
+    middle = len(values) // 2
+    if len(values) % 2 == 1:
+        return float(np.partition(values, middle)[middle])
+    below, above = np.partition(values, [middle - 1, middle])[middle - 1 : middle + 1]
+    return float((below + above) / 2.0)

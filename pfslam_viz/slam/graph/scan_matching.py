@@ -46,8 +46,26 @@ def open_direction(information: Array) -> Array | None:
     return vectors[:, 0] if values[1] > 0.0 and values[0] < 1e-6 * values[1] else None
 
 
+@kernel(error_model="numpy")
+def approximate_bearing(x: float, y: float, ahead: float) -> float:
+    """The bearing of (x, y) to 2e-8 rad, within pi of ``ahead``, without a branch.
+
+    Abramowitz & Stegun (1964), 4.4.49: an arctangent over [0, 1].
+    """
+    ax, ay = abs(x), abs(y)
+    t = min(ax, ay) / max(max(ax, ay), 1e-300)
+    u = t * t
+    a = 0.0429096138 + u * (-0.0161657367 + u * 0.0028662257)
+    a = 0.1999355085 + u * (-0.1420889944 + u * (0.1065626393 + u * (-0.0752896400 + u * a)))
+    a = t * (1.0 + u * (-0.3333314528 + u * a))
+    a = 0.5 * math.pi - a if ay > ax else a
+    a = math.pi - a if x < 0.0 else a
+    a = -a if y < 0.0 else a
+    return a - 2.0 * math.pi * math.floor((a - ahead) / (2.0 * math.pi) + 0.5)
+
+
 @kernel()
-def _first_from(bearings: Singles, low: int, high: int, value: float, start: int) -> int:
+def first_from(bearings: Floats | Singles, low: int, high: int, value: float, start: int) -> int:
     """The first of ``low`` to ``high`` whose bearing is at least ``value``, or ``high``, looked for from ``start``."""
     k = start
     while k > low and bearings[k - 1] >= value:
@@ -115,7 +133,8 @@ def _solve(a: Floats, b: Floats) -> None:
 
 @kernel(
     "f4[:, :], f4[:, :], f4[:], i8[::1], f8[::1], f8[::1], i8[::1], i8[::1], f8[:, ::1], f8[::1],"
-    " i8, i8, f8[::1], MatchingRules"
+    " i8, i8, f8[::1], MatchingRules",
+    error_model="numpy",
 )
 def match_pairs(
     points: Singles,
@@ -144,6 +163,13 @@ def match_pairs(
     poses, information = np.empty((count, 3)), np.empty((count, 3, 3))
     overlap, distance = np.empty(count), np.empty(count)
     h, g, held = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
+    most = 0
+    for k in range(count):
+        for scan in (references[k], others[k]):
+            most = max(most, first[scan + 1] - first[scan])
+    bearing_of, rx, ry = np.empty(most), np.empty(most), np.empty(most)
+    qx, qy, far_of, seen_at = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
+    partner = np.empty(most, np.int64)
     for k in range(count):
         x, y, heading = guesses[k, 0], guesses[k, 1], guesses[k, 2]
         overlap[k], distance[k] = 0.0, 0.0
@@ -156,44 +182,59 @@ def match_pairs(
         if r1 - r0 < rules.fewest_points or q1 - q0 < rules.fewest_points:
             continue
         ahead = 0.5 * (bearings[r0] + bearings[r1 - 1])
+        n, m = r1 - r0, (q1 - q0 + stride - 1) // stride
+        for i in range(n):
+            bearing_of[i], rx[i], ry[i] = bearings[r0 + i], points[r0 + i, 0], points[r0 + i, 1]
+        for b in range(m):
+            qx[b], qy[b], partner[b] = points[q0 + b * stride, 0], points[q0 + b * stride, 1], -1
         for iteration in range(iterations + 1):
             gate = gates[min(iteration, len(gates) - 1)]
             width = max(rules.robust_noise * rules.noise, gate / rules.robust_gate)  # of the robust weight (Cauchy's)
             c, s = math.cos(heading), math.sin(heading)
             hxx = hxy = hxt = hyy = hyt = htt = 0.0  # information and gradient of the scans: one Gauss-Newton step
             gx = gy = gt = 0.0
-            partners, used, sum_distance, middle = 0, 0, 0.0, r0
-            for b in range(q0, q1, stride):
-                used += 1
-                ox, oy = c * points[b, 0] - s * points[b, 1], s * points[b, 0] + c * points[b, 1]
+            partners, sum_distance, middle = 0, 0.0, 0
+            for b in range(m):  # in a loop of its own, which the compiler makes do several at once
+                lx = x + (c * qx[b] - s * qy[b]) - lidar_position[0]
+                ly = y + (s * qx[b] + c * qy[b]) - lidar_position[1]
+                far_of[b] = math.sqrt(lx * lx + ly * ly)
+                seen_at[b] = approximate_bearing(lx, ly, ahead)
+            for b in range(m):
+                ox, oy = c * qx[b] - s * qy[b], s * qx[b] + c * qy[b]
                 px, py = x + ox, y + oy
-                lx, ly = px - lidar_position[0], py - lidar_position[1]
-                far = math.sqrt(lx * lx + ly * ly)
-                bearing = math.atan2(ly, lx)
-                bearing -= 2.0 * math.pi * math.floor((bearing - ahead) / (2.0 * math.pi) + 0.5)
-                best, at = gate * gate, -1
-                middle = _first_from(bearings, r0, r1, bearing, middle)
+                far, bearing = CHORD * far_of[b], seen_at[b]
+                best, at = gate * gate, partner[b]
+                if at >= 0:  # the partner of the iteration before is mostly near, and leaves little to look at
+                    dx, dy = rx[at] - px, ry[at] - py
+                    d = dx * dx + dy * dy
+                    away = far * min(abs(bearing_of[at] - bearing), 0.5)
+                    if d < best and away * away < d:
+                        best = d
+                    else:
+                        at = -1
+                middle = first_from(bearing_of, 0, n, bearing, middle)
                 for side in range(-1, 2, 2):  # outwards, as long as a point at that bearing can still be nearer
                     i = middle if side > 0 else middle - 1
-                    while r0 <= i < r1:
-                        away = CHORD * far * min(abs(bearings[i] - bearing), 0.5)
+                    while 0 <= i < n:
+                        away = far * min(abs(bearing_of[i] - bearing), 0.5)
                         if away * away >= best:
                             break
-                        dx, dy = points[i, 0] - px, points[i, 1] - py
+                        dx, dy = rx[i] - px, ry[i] - py
                         d = dx * dx + dy * dy
                         if d < best:
                             best, at = d, i
                         i += side
+                partner[b] = at
                 if at < 0:
                     continue
-                nx, ny = normals[at, 0], normals[at, 1]
+                nx, ny = normals[r0 + at, 0], normals[r0 + at, 1]
                 if nx == 0.0 and ny == 0.0:
                     continue  # the partner lies on no wall
-                mx, my = normals[b, 0], normals[b, 1]
+                mx, my = normals[q0 + b * stride, 0], normals[q0 + b * stride, 1]
                 if (mx != 0.0 or my != 0.0) and nx * (c * mx - s * my) + ny * (s * mx + c * my) < rules.facing:
                     continue  # the other side of a wall, or another wall
                 # The distance from the partner's wall, its robust weight, and how it changes with the heading
-                e = nx * (px - points[at, 0]) + ny * (py - points[at, 1])
+                e = nx * (px - rx[at]) + ny * (py - ry[at])
                 w = 1.0 / (1.0 + (e / width) ** 2) / (rules.noise * rules.noise)
                 jt = -nx * oy + ny * ox
                 partners += 1
@@ -211,7 +252,7 @@ def match_pairs(
             h[1, 0], h[1, 1], h[1, 2], g[1] = hxy, hyy, hyt, gy
             h[2, 0], h[2, 1], h[2, 2], g[2] = hxt, hyt, htt, gt
             _forget_open_direction(h, g, open_shares[references[k]])
-            overlap[k] = partners / max(used, 1)
+            overlap[k] = partners / max(m, 1)
             distance[k] = sum_distance / max(partners, 1)
             for i in range(3):
                 for j in range(3):

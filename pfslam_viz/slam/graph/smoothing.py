@@ -48,6 +48,7 @@ class Smoother:
         self._odometry, self._found = odometry, found
         self._unknown = np.zeros_like(odometry) if unknown is None else unknown
         self._errors = OdometryErrors(config.odometry)
+        self._kept: tuple[bytes, tuple[Constraints, Constraints]] | None = None  # what was matched last
         self.held = False  # whether the filter's headings over long spans are held
 
     def smooth(self, poses: Array) -> Smoothed:
@@ -86,29 +87,36 @@ class Smoother:
 
     def relax(self, poses: Array, gates: Array) -> tuple[Array, float]:
         """Match all neighbours and relax the graph once: poses (k, 3), and the sum of all constraints' weights."""
-        return self._relax_by(poses, self._match(poses, gates)[0])
+        return self._relax_by(poses, self._match(poses, gates)[0], self.held)
 
     def _match(self, poses: Array, gates: Array) -> tuple[Constraints, Constraints]:
-        """All neighbours matched, visits held along corridors; and those of them that are to slide along one."""
-        return match_neighbours(self.scans, poses, neighbouring(poses, self.config), gates, self._settings)
+        """All neighbours matched, visits held along corridors; and those of them that are to slide along one.
+
+        What came of the last call is kept: drift, loops and the relaxing after them often ask for the same.
+        """
+        asked = poses.tobytes() + gates.tobytes()
+        if self._kept is None or self._kept[0] != asked:
+            pairs = neighbouring(poses, self.config)
+            self._kept = asked, match_neighbours(self.scans, poses, pairs, gates, self._settings)
+        return self._kept[1]
 
     def slid(self, poses: Array) -> list[Constraints]:
         """Loops to be closed along corridors, where free space tells two visits further apart than their match does."""
         _, slid = self._match(poses, np.array(self.config.gates))
         return confirmed(poses, slid, self.loops)
 
-    def _relax_by(self, poses: Array, matched: Constraints) -> tuple[Array, float]:
-        """The same with what is ``matched`` already."""
-        constraints = Constraints.join([*self._driven(poses, matched), matched])
+    def _relax_by(self, poses: Array, matched: Constraints, held: bool) -> tuple[Array, float]:
+        """The same with what is ``matched`` already, and the filter's headings ``held`` or not."""
+        constraints = Constraints.join([*self._driven(poses, matched, held), matched])
         poses = self._optimize(poses, constraints, self.config.iterations)
         return poses, float(weights(poses, constraints, self.config.scale).sum())
 
-    def _driven(self, poses: Array, matched: Constraints) -> list[Constraints]:
+    def _driven(self, poses: Array, matched: Constraints, held: bool) -> list[Constraints]:
         """What is known of the motion from key scan to key scan besides the ``matched`` scans."""
         bridged = self._bridged(poses, matched)
         alone = np.flatnonzero(~bridged)  # elsewhere the filter's say would count the same scans twice
         c = self._settings.filter_constraints
-        spans = heading_spans(self._found, c) if self.held else []
+        spans = heading_spans(self._found, c) if held else []
         return [self._motion(poses, bridged), filter_constraints(self.scans, self._found, alone, c), *spans]
 
     def _bridged(self, poses: Array, matched: Constraints) -> NDArray[np.bool_]:
@@ -132,13 +140,12 @@ class Smoother:
         if not self._settings.filter_constraints.spans:
             return self.relax(poses, gates)
         matched, _ = self._match(poses, gates)
-        graphs, before = [], self.held
-        for held in (False, True):
-            self.held = held
-            graphs.append(self._relax_by(poses, matched))
-        verdict = compare(self.scans, graphs[1][0], graphs[0][0], self._settings.evidence)
-        self.held = verdict.sigmas > (-sure if before else sure)  # as before, unless there is good reason to change
-        return graphs[self.held]
+        other = self.scans.worker.submit(lambda: self._relax_by(poses, matched, held=True))
+        free = self._relax_by(poses, matched, held=False)
+        held = other.result()
+        verdict = compare(self.scans, held[0], free[0], self._settings.evidence)
+        self.held = verdict.sigmas > (-sure if self.held else sure)  # as before, unless there is good reason to change
+        return held if self.held else free
 
     def learn_errors(self, poses: Array) -> OdometryErrors:
         """Find the wheels' scale and the odometry's noise from all successive key scans that can tell.
@@ -146,9 +153,14 @@ class Smoother:
         A worn or badly measured wheel is wrong by the same share everywhere. Where a corridor leaves the scans no say,
         the odometry then says what it says elsewhere, corrected.
         """
-        successive = np.stack([np.arange(len(poses) - 1), np.arange(1, len(poses))], axis=-1)
-        found = match(self.scans, poses, successive, np.array(self.config.gates), self.config)
-        found = found.pick(np.flatnonzero(~self._unknown[found.end].any(axis=1)))
+        gates = np.array(self.config.gates)
+        if self.config.hops.count(1) == 1:
+            found, _ = self._match(poses, gates)
+        else:
+            successive = np.stack([np.arange(len(poses) - 1), np.arange(1, len(poses))], axis=-1)
+            found = match(self.scans, poses, successive, gates, self.config)
+        known = ~self._unknown[found.end].any(axis=1)
+        found = found.pick(np.flatnonzero(known & (found.end - found.start == 1)))
         deviation = odometry_deviation(self._odometry[1:], self.config)[found.start]
         config = self._settings.odometry
         self._errors = OdometryErrors.of(
@@ -196,7 +208,7 @@ class Smoother:
         sound, longest = self.sound(poses, matched), max(c.hops)
         chain = sound.pick(np.flatnonzero(sound.end - sound.start <= longest))
         firm = chain.firm()  # what joins successive scans bends, it does not snap
-        pulled = Constraints.join([*self._driven(poses, matched), firm, visits_of(matched, c), loop])
+        pulled = Constraints.join([*self._driven(poses, matched, self.held), firm, visits_of(matched, c), loop])
         poses = self._optimize(poses, pulled, 2 * c.iterations)  # a pull from far takes longer
         poses, _ = self.relax(poses, first_gates)
         return self.relax(poses, gates)

@@ -20,30 +20,28 @@ def earlier_visits(poses: Array, radius: float, apart: int, most: int, turn_leng
     """
     n = len(poses)
     found = np.empty(((n - since) * most, 2), np.int64)
-    away = np.empty(n)
+    away, near = np.empty(n), np.empty(n, np.int64)
     count = 0
     for later in range(since, n):
-        last = later - apart
-        any_near = False
+        last, nearby = later - apart, 0
         for k in range(last):
             dx, dy = poses[k, 0] - poses[later, 0], poses[k, 1] - poses[later, 1]
             if dx * dx + dy * dy > radius * radius:
-                away[k] = np.inf
                 continue
             turn = abs(poses[k, 2] - poses[later, 2]) % (2.0 * math.pi)
-            away[k] = math.hypot(dx, dy) + turn_length * min(turn, 2.0 * math.pi - turn)
-            any_near = True
-        if not any_near:
-            continue
+            away[nearby] = math.hypot(dx, dy) + turn_length * min(turn, 2.0 * math.pi - turn)
+            near[nearby] = k
+            nearby += 1
         for _ in range(most):
-            nearest = 0
-            for k in range(1, last):
-                if away[k] < away[nearest]:
-                    nearest = k
-            if not away[nearest] < np.inf:
+            best, nearest = np.inf, -1
+            for at in range(nearby):
+                if away[at] < best:
+                    best, nearest = away[at], near[at]
+            if nearest < 0:
                 break
             found[count, 0], found[count, 1] = nearest, later
             count += 1
-            for k in range(max(0, nearest - apart // 2), min(last, nearest + apart // 2 + 1)):
-                away[k] = np.inf
+            for at in range(nearby):
+                if abs(near[at] - nearest) <= apart // 2:
+                    away[at] = np.inf
     return found[:count].copy()

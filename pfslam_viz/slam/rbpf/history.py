@@ -1,5 +1,7 @@
 """The particles' ancestry: whose map and trajectory each of them carries on."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,9 +24,9 @@ class History:
         self._carried: Indices = np.arange(count)  # who each particle was at the last key scan
         self._key_of: list[int] = []  # number of the last key scan, for every scan
         self._offsets: list[Array] = []  # from that key scan, for every scan
-        self._odometry: list[Array] = []  # from key scan to key scan
-        self._moved: list[Array] = []  # the same, corrected by matching the scans
-        self._unknown: list[float] = []  # s without odometry from key scan to key scan
+        self._odometry = np.empty((64, 3))  # from key scan to key scan
+        self._moved = np.empty((64, 3))  # the same, corrected by matching the scans
+        self._unknown = np.empty((64, 1))  # s without odometry from key scan to key scan
 
     def __len__(self) -> int:
         """How many key scans there are."""
@@ -37,13 +39,14 @@ class History:
         ``unknown`` s of the time in between the odometry did not know. Call it before :meth:`add_scan`.
         """
         if self._count == len(self._poses):
-            self._poses = np.concatenate([self._poses, np.empty_like(self._poses)])
-            self._parents = np.concatenate([self._parents, np.empty_like(self._parents)])
+            self._poses, self._parents = _longer(self._poses), _longer(self._parents)
+            self._odometry, self._moved = _longer(self._odometry), _longer(self._moved)
+            self._unknown = _longer(self._unknown)
         self.keys.append(len(self._key_of))
         self._poses[self._count] = poses
-        self._odometry.append(odometry)
-        self._moved.append(moved)
-        self._unknown.append(unknown)
+        self._odometry[self._count] = odometry
+        self._moved[self._count] = moved
+        self._unknown[self._count] = unknown
         self._parents[self._count] = self._carried
         self._count += 1
         self._carried = np.arange(len(poses))
@@ -88,18 +91,23 @@ class History:
         first = np.array(self.keys)
         share = (np.arange(len(key)) - first[key]) / np.diff(first, append=len(key))[key]
         inner = key < len(key_poses) - 1
-        moved = np.array(self._moved)[1:]
+        moved = self._moved[1 : self._count]
         missed = geometry.between(moved, geometry.between(key_poses[:-1], key_poses[1:]))
         out[inner] = geometry.compose(out[inner], missed[key[inner]] * share[inner, None])
         return out
 
     def odometry(self) -> Array:
         """(keys, 3) the odometry that led from the key scan before to each key scan; zero for the first."""
-        return np.array(self._odometry).reshape(-1, 3)
+        return self._odometry[: self._count].copy()
 
     def unknown(self) -> Array:
         """(keys, 1) s before each key scan of which the odometry knows nothing."""
-        return np.array(self._unknown)[:, None]
+        return self._unknown[: self._count].copy()
+
+
+def _longer(rows: NDArray[Any]) -> NDArray[Any]:
+    """The same with room for twice as many."""
+    return np.concatenate([rows, np.empty_like(rows)])
 
 
 @kernel("f8[:, :, ::1], i8[:, ::1], i8, i8")

@@ -8,7 +8,13 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.simulation.sensors import true_ranges
-from pfslam_viz.slam.graph.scan_matching import MatchingRules, _first_from, match_pairs, open_direction
+from pfslam_viz.slam.graph.scan_matching import (
+    MatchingRules,
+    approximate_bearing,
+    first_from,
+    match_pairs,
+    open_direction,
+)
 from pfslam_viz.slam.graph.scan_store import ScanStore
 from pfslam_viz.slam.graph.settings import ScanMatchingConfig
 from tests.kernels import from_python
@@ -288,8 +294,18 @@ def test_many_pairs_are_matched_as_each_alone() -> None:
 
 def test_a_bearing_is_found_from_wherever_the_search_begins() -> None:
     bearings = np.repeat(np.sort(np.random.default_rng(2).uniform(-3, 3, 40)), 2).astype(np.float32)
-    first_from = from_python(_first_from)
+    find = from_python(first_from)
     for value in (*bearings[::7], -4.0, 0.0, 4.0):
         expected = 10 + np.searchsorted(bearings[10:70], np.float32(value))
         for start in (10, 30, 69, 70):
-            assert first_from(bearings, 10, 70, float(value), start) == expected
+            assert find(bearings, 10, 70, float(value), start) == expected
+
+
+@pytest.mark.parametrize("ahead", [0.0, 2.5, -3.0, 4.0])
+def test_bearings_are_as_exact_as_the_table_they_are_looked_up_in(ahead: float) -> None:
+    near = from_python(approximate_bearing)
+    angles = np.concatenate([ahead + np.linspace(-3.14, 3.14, 500), np.pi / 4 * np.arange(-3, 4)])
+    for angle in angles:
+        found = near(3.0 * np.cos(angle), 3.0 * np.sin(angle), ahead)
+        assert abs(math.remainder(found - angle, 2 * np.pi)) < 3e-8 and abs(found - ahead) <= np.pi + 3e-8
+    assert np.isfinite(near(0.0, 0.0, ahead))

@@ -286,6 +286,34 @@ def test_the_scale_leaves_out_where_the_odometry_knew_nothing(block: Array) -> N
     assert abs(trusting.scale - 1.0 / 1.03) > 0.02
 
 
+def test_the_scale_is_the_same_from_matches_that_the_graph_has_as_from_its_own(block: Array) -> None:
+    """Without a hop of 1, successive key scans are matched for the purpose; with it they are among the neighbours."""
+    rng = np.random.default_rng(5)
+    truth = around()
+    odometry = drifting(steps_of(truth), rng, scale=1.03, turn=0.0)
+    scans = scans_from(block, truth, rng)
+    told = []
+    for hops in ((1, 2), (2,), (1, 1)):
+        config = GraphConfig(smoothing=SmoothingConfig(hops=hops))
+        told.append(Smoother(scans, odometry, found(truth), config).learn_errors(truth))
+    assert (told[0].scale, told[0].distance, told[0].angle) == (told[1].scale, told[1].distance, told[1].angle)
+    assert told[0].scale == told[2].scale != 1.0
+
+
+def test_what_was_matched_is_not_matched_again_until_poses_or_gates_change(block: Array) -> None:
+    truth = around()
+    scans = scans_from(block, truth, np.random.default_rng(5))
+    smoother = Smoother(scans, steps_of(truth), found(truth), GraphConfig())
+    gates = np.array([0.2, 0.1])
+    asked = truth.copy()
+    first, _ = smoother._match(asked, gates)
+    assert smoother._match(truth.copy(), gates)[0] is first
+    assert smoother._match(truth, np.array([0.5, 0.1]))[0] is not first
+    again, _ = smoother._match(asked, gates)
+    asked[5, 0] += 0.03  # the caller's array, in place
+    assert smoother._match(asked, gates)[0] is not again
+
+
 # What the odometry does not know, and what the filter found out
 
 
