@@ -17,6 +17,7 @@ import numba
 from numba import njit
 
 from pfslam_viz.compiling.cache import use_cache
+from pfslam_viz.compiling.pipeline import EntryKernel, InnerKernel
 
 PACKAGE = "pfslam_viz"
 types: Any = numba.types
@@ -34,7 +35,8 @@ def kernel(signature: str | None = None, **options: Any) -> Callable[[F], F]:
     is called with other types is compiled when that happens. ``options`` are numba's.
     """
     inner = signature is None
-    options = {"nogil": True, "no_cfunc_wrapper": True, "no_cpython_wrapper": inner} | options
+    options = {"nogil": True, "no_cfunc_wrapper": True, "no_cpython_wrapper": True} | options
+    options["pipeline_class"] = InnerKernel if inner else EntryKernel
 
     def declare(function: F) -> F:
         try:

@@ -7,11 +7,12 @@ import sys
 from collections.abc import Iterable
 
 from pfslam_viz.compiling.kernel import find, types_of, without_blas
+from pfslam_viz.compiling.signatures import remembered_signatures
 
 
 def serve(names: Iterable[str]) -> None:
     """Compile the kernels with these names, and say so, a line each."""
-    with without_blas():
+    with without_blas(), remembered_signatures():
         for line in names:
             compiled, signature = find(line.strip())
             compiled.compile(types_of(compiled, signature))

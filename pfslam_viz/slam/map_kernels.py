@@ -5,7 +5,6 @@ Each has a plain NumPy twin in ``tests/slam/test_map_kernels.py`` that it must m
 """
 
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -227,26 +226,30 @@ def add_scans(
     occupied: NDArray[np.uint8],
     touched: NDArray[np.uint8],
     mark: int,
-    *rest: Any,
+    origin_row: int,
+    origin_column: int,
+    cell: float,
+    hit: np.float32,
+    miss: np.float32,
+    bound: np.float32,
+    threshold: np.float32,
 ) -> tuple[int, NDArray[np.int64]]:
     """:func:`add_scan` from scan ``done`` on, until one does not fit; how many are done then, and that one's extent.
 
     Scan k is seen from ``poses[k]`` of (n, 3) with the lidar at ``lidar_positions[k]`` of (n, 2); rows ``first[k]`` to
-    ``first[k + 1]`` of ``points`` are its. ``mark`` to ``mark + n - 1`` must be new to ``touched``; the ``rest`` is as
-    for :func:`add_scan`.
+    ``first[k + 1]`` of ``points`` are its. ``mark`` to ``mark + n - 1`` must be new to ``touched``; the rest is as for
+    :func:`add_scan`, which is written out here, as a call of it takes half a second to compile.
     """
+    rows, columns = log_odds.shape
     extent = np.zeros(4, np.int64)
     for k in range(done, len(poses)):
-        inside, extent, _ = add_scan(
-            poses[k],
-            points[first[k] : first[k + 1]],
-            lidar_positions[k],
-            log_odds,
-            occupied,
-            touched,
-            mark + k,
-            *rest,
-        )
-        if not inside:
+        cells, extent, _ = end_cells(poses[k], points[first[k] : first[k + 1]], lidar_positions[k], cell)
+        if (
+            extent[0] + origin_row < 1
+            or extent[1] + origin_column < 1
+            or extent[2] + origin_row > rows - 2
+            or extent[3] + origin_column > columns - 2
+        ):
             return k, extent
+        write_scan(log_odds, occupied, touched, mark + k, cells, origin_row, origin_column, hit, miss, bound, threshold)
     return len(poses), extent
