@@ -49,7 +49,7 @@ def _open(visits: Constraints, config: SlidingConfig) -> tuple[Indices, Array]:
     """Which of the ``visits`` leave a direction open, every so many of them, and which (m, 2): in the later's frame."""
     at = np.flatnonzero(visits.end % config.every == 0)
     values, vectors = np.linalg.eigh(visits.information[at, :2, :2])
-    is_open = (values[:, 1] > 0.0) & (values[:, 0] < 1e-6 * values[:, 1])
+    is_open = (values[:, 1] > 0.0) & (values[:, 0] < config.weak * values[:, 1])
     return at[is_open], vectors[is_open][:, :, 0]
 
 

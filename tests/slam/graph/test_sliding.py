@@ -50,10 +50,13 @@ def cast(walls: Array, poses: Array) -> ScanStore:
     return store
 
 
-def visit(off: float, *, firm: bool = False) -> Constraints:
-    """A match of the two scans of TRUTH that is ``off`` m along the corridor, which it leaves open, x of the first."""
+def visit(off: float, *, firm: bool = False, known: float = 0.0) -> Constraints:
+    """A match of the two scans of TRUTH that is ``off`` m along the corridor, x of the first.
+
+    It leaves that open, but for a share ``known`` of its information across, or is as ``firm`` along as across.
+    """
     increment = geometry.between(TRUTH[0], TRUTH[1] + np.array([off, 0.0, 0.0]))
-    information = np.diag([0.0, 1e4, 1e4])  # across the corridor and heading
+    information = np.diag([1e4 * known, 1e4, 1e4])  # across the corridor and heading
     turn = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # to the axes of the second, a quarter turned
     information = turn @ information @ turn.T if not firm else 1e4 * np.eye(3)
     return Constraints(np.array([0]), np.array([1]), increment[None], information[None], np.ones(1, np.bool_))
@@ -90,6 +93,15 @@ def test_where_nothing_tells_nothing_is_held() -> None:
         np.testing.assert_array_equal(held.measured, given.measured)
         np.testing.assert_array_equal(held.information, given.information)
         assert len(far) == 0
+
+
+def test_what_a_match_hardly_knows_is_not_believed() -> None:
+    """An end point or two caught on the wrong door frame fix a match; free space overrules it, but not a firm one."""
+    scans = cast(ALCOVE, TRUTH)
+    _, far = hold_along(scans, visit(0.7, known=0.9 * EVERY.weak), EVERY, EVIDENCE)
+    np.testing.assert_allclose(far.measured[0], geometry.between(*TRUTH), atol=0.04)
+    _, far = hold_along(scans, visit(0.7, known=1.1 * EVERY.weak), EVERY, EVIDENCE)
+    assert len(far) == 0
 
 
 @pytest.mark.parametrize(
