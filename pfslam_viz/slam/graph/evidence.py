@@ -61,8 +61,15 @@ class Verdict:
     pairs: int
 
 
-def compare(scans: ScanStore, poses: Array, others: Array, config: EvidenceConfig) -> Verdict:
-    """How much better the key ``poses`` (k, 3) explain the scans than the ``others`` (k, 3) do."""
+def compare(
+    scans: ScanStore, poses: Array, others: Array, config: EvidenceConfig, *, visits_alike: bool = False
+) -> Verdict:
+    """How much better the key ``poses`` (k, 3) explain the scans than the ``others`` (k, 3) do.
+
+    With ``visits_alike``, the pairs of two visits count together as much as those of one, though they are fewer: for
+    comparing with the filter's own trajectory. The filter has matched each scan with a map of those shortly before it,
+    which it therefore puts well; where it drifts, that shows when it comes back.
+    """
     pairs = witnesses(poses, others, config)
     pairs = pairs[_differ(poses, others, pairs, config)]
     mine, theirs = agreement(scans, poses, pairs, config), agreement(scans, others, pairs, config)
@@ -71,13 +78,20 @@ def compare(scans: ScanStore, poses: Array, others: Array, config: EvidenceConfi
     difference, block = (mine - theirs)[told], pairs[told, 1] // size
     if len(difference) == 0:
         return Verdict(0.0, 0.0, 0)
-    sums = np.bincount(block, difference)
-    counts = np.bincount(block)
-    gain = float(difference.mean())
-    if np.count_nonzero(counts) < 2:
+    share = _shares(pairs[told], config, visits_alike)
+    gain = float((share * difference).sum())
+    if np.count_nonzero(np.bincount(block)) < 2:
         return Verdict(gain, 0.0, len(difference))  # one block has no spread
-    spread = math.sqrt(float(((sums - gain * counts) ** 2).sum())) / len(difference)
-    return Verdict(gain, gain / max(spread, 1e-9), len(difference))
+    sums = np.bincount(block, share * (difference - gain))
+    return Verdict(gain, gain / max(float(np.linalg.norm(sums)), 1e-9), len(difference))
+
+
+def _shares(pairs: Indices, config: EvidenceConfig, visits_alike: bool) -> Array:
+    """By how much each of the pairs (p,) counts, 1 in all."""
+    kind = (pairs[:, 1] - pairs[:, 0] > max(config.hops)).astype(np.int64) * visits_alike
+    counts = np.bincount(kind)
+    shares: Array = 1.0 / (counts[kind] * np.count_nonzero(counts))
+    return shares
 
 
 def _differ(poses: Array, others: Array, pairs: Indices, config: EvidenceConfig) -> NDArray[np.bool_]:
@@ -109,7 +123,7 @@ def agreement_of(
     scans: ScanStore, earlier: Indices, later: Indices, increments: Array, config: EvidenceConfig
 ) -> Array:
     """The same (p,) of key scans ``earlier`` (p,) and ``later`` (p,), apart by the ``increments`` (p, 3)."""
-    store = (scans.points, scans.normals, scans.bearings, scans.first, scans.lidar_position)
+    store = (scans.points, scans.own_normals, scans.bearings, scans.first, scans.lidar_position)
     rules = EvidenceRules.of(config)
     back = geometry.between(increments, np.zeros(3))
     there = _agreement(*store, earlier, later, increments, rules)
@@ -118,7 +132,7 @@ def agreement_of(
     return np.where(told, 0.5 * (there[:, 0] + here[:, 0]), 0.0)
 
 
-@kernel("f4[:, :], f4[:, :], f4[:], i8[::1], f8[::1], i8[::1], i8[::1], f8[:, ::1], EvidenceRules")
+@kernel("f4[:, :], f4[:, ::1], f4[:], i8[::1], f8[::1], i8[::1], i8[::1], f8[:, ::1], EvidenceRules")
 def _agreement(
     points: Singles,
     normals: Singles,

@@ -355,10 +355,10 @@ class RaoBlackwellizedFilter(Belief):
         if self._reviser.moved > self.config.revision.doubtful:  # perhaps for the worse
             own = geometry.accumulate(np.vstack([before[:1], self._history.increments(self._leader)]))
             other = self._smoother(self.config).smooth(own)
-            verdict = compare(self._scans, smoothed.poses, other.poses, self.config.evidence)
+            verdict = compare(self._scans, smoothed.poses, other.poses, self.config.evidence, visits_alike=True)
             if verdict.sigmas < self.config.revision.sure_of_doubtful:
                 smoothed = other
-        self._verdict = compare(self._scans, smoothed.poses, before, self.config.evidence)
+        self._verdict = compare(self._scans, smoothed.poses, before, self.config.evidence, visits_alike=True)
         closed = self._reviser.closed
         if self._verdict.sigmas >= self.config.evidence.preferred:
             self._smoothed = smoothed.poses

@@ -76,3 +76,19 @@ def test_witnesses_are_none_of_the_matched_pairs() -> None:
     hops = pairs[:, 1] - pairs[:, 0]
     assert not np.isin(hops, SmoothingConfig().hops).any() and (hops > 0).all()
     assert len(np.unique(pairs, axis=0)) == len(pairs) and SmoothingConfig().apart >= 30
+
+
+def test_visits_count_as_much_as_neighbours_though_they_are_fewer() -> None:
+    """The gain is the mean of two means, over the pairs of one visit and over those of two."""
+    truth = drive()
+    scans = scans_from(truth)
+    bent = truth + np.linspace(0.0, 0.2, len(truth))[:, None] * [1.0, 0.0, 0.0]
+    pairs = witnesses(truth, bent, CONFIG)
+    mine, theirs = agreement(scans, truth, pairs, CONFIG), agreement(scans, bent, pairs, CONFIG)
+    told = (mine != 0) | (theirs != 0)
+    near = pairs[:, 1] - pairs[:, 0] <= 24
+    means = [(mine - theirs)[told & one].mean() for one in (near, ~near)]
+    assert means[1] > 2 * means[0] > 0  # drift shows when the robot comes back
+    assert abs(compare(scans, truth, bent, CONFIG).gain - (mine - theirs)[told].mean()) < 0.01 * means[0]
+    verdict = compare(scans, truth, bent, CONFIG, visits_alike=True)
+    assert abs(verdict.gain - np.mean(means)) < 0.01 * verdict.gain  # pairs that both put alike are left out

@@ -630,7 +630,7 @@ def test_the_settled_trajectory_is_kept_if_the_scans_prefer_it(
     in_the_room: Drive, sigmas: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """From a quarter of a standard error on; else the trajectory and the map stay as they were."""
-    monkeypatch.setattr(rao_blackwellized, "compare", lambda *_: Verdict(0.01, sigmas, 100))
+    monkeypatch.setattr(rao_blackwellized, "compare", lambda *_, **__: Verdict(0.01, sigmas, 100))
     slam = RaoBlackwellizedFilter(config())
     run(slam, Drive(in_the_room.truth[:90], in_the_room.odometry[:90], in_the_room.scans[:90]))
     assert slam.kept is None
