@@ -49,6 +49,7 @@ BACKENDS: dict[str, Backend] = {
         (
             ("slam.graph.visits", "earlier_visits"),
             ("slam.graph.scan_matching", "match_pairs"),
+            ("slam.graph.shared_walls", "shared_normals"),
             ("slam.graph.drift", "_variances"),
             ("slam.graph.loop_closing", "overlay"),
             ("slam.graph.branch_and_bound", "_sums _refine"),

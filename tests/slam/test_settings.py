@@ -71,6 +71,7 @@ OTHER: dict[str, Any] = {
     "scan_matching.most_points": 40,
     "scan_matching.facing": 0.9999,
     "scan_matching.fewest_points": 110,
+    "scan_matching.open_noise": 1e6,
     "scan_matching.open_least": 0.4,
     "scan_matching.open_share": 0.4,
     "rao_blackwellized.scan_good": 0.99,
@@ -107,7 +108,7 @@ GIVEN = {
     "resampling.threshold": ["resampling.policy=n_eff"],
     "resampling.scheme": ["resampling.policy=always"],
     "scan_matching.sparse": ["scan_matching.most_points=40"],
-    "scan_matching.open_noise": ["scan_matching.open_least=1e-6"],
+    "scan_matching.open_noise": ["scan_matching.open_least=1e-6", "scan_matching.open_share=0.45"],
     "scan_matching.open_least": ["scan_matching.open_noise=0.0", "scan_matching.open_share=0.45"],
     "scan_matching.open_share": ["scan_matching.open_noise=1e6"],
     "odometry": ["odometry.prior_motions=1", "odometry.scale_motions=3"],
@@ -444,6 +445,7 @@ REVISION: dict[str, Any] = {  # so that a round of 150 key scans has reasons to 
 }
 REVISION_OTHER: dict[str, Any] = {
     "choice_sure": 1e9,
+    "choice_share": 50.0,
     "sure": 1e9,
     "least_move": 100.0,
     "first_choice": 10**6,

@@ -65,6 +65,7 @@ class Reviser:
         rested = since >= max(c.pause, c.pause_share * n)
         if not loops and not (rested and off) and since < max(c.pause, c.regular_share * self._last):
             return None
+        smoother.share_walls(poses, self._last)
         self._last = n
         gates = np.array(self.config.smoothing.gates)
         smoother.learn_errors(poses)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from pfslam_viz import geometry
 from pfslam_viz.slam.graph.scan_matching import MatchingRules, match_pairs
 from pfslam_viz.slam.graph.settings import LoopClosingConfig, ScanMatchingConfig, SmoothingConfig
+from pfslam_viz.slam.graph.shared_walls import shared_normals
 from pfslam_viz.slam.graph.walls import describe, thinned
 from pfslam_viz.slam.tiles import enlarged
 from pfslam_viz.slam.worker import Worker
@@ -57,6 +58,7 @@ class ScanStore:
         config: how scans are matched.
         points, normals, bearings: (p, 2) m, (p, 2), (p,) rad; a normal is zero where no wall fits, bearings are seen
             from the lidar and increase within a scan.
+        own_normals: (p, 2), as each scan tells them alone; ``normals`` after :meth:`share_walls` are of several.
         first: scan k owns rows ``first[k]`` to ``first[k + 1]``.
         worker: who does a part of the matching.
     """
@@ -68,6 +70,7 @@ class ScanStore:
         self._rules = MatchingRules.of(config)
         self.worker = worker or Worker(threads=1)
         self._rows = np.zeros((1024, 5), np.float32)
+        self._own_normals = np.zeros((1024, 2), np.float32)  # as each scan tells them alone
         self._first = np.zeros(64, np.int64)
         self._open_shares = np.zeros(64)
         self._count = 0
@@ -84,6 +87,11 @@ class ScanStore:
     def normals(self) -> Singles:
         """(p, 2) unit vectors or zero."""
         return self._rows[:, 2:4]
+
+    @property
+    def own_normals(self) -> Singles:
+        """(p, 2) unit vectors or zero, as each scan tells them alone."""
+        return self._own_normals
 
     @property
     def bearings(self) -> Singles:
@@ -107,6 +115,7 @@ class ScanStore:
         end = start + len(points)
         while end > len(self._rows):
             self._rows = enlarged(self._rows, len(self._rows))
+            self._own_normals = enlarged(self._own_normals, len(self._own_normals))
         if self._count + 2 > len(self._first):
             self._first = np.concatenate([self._first, np.zeros_like(self._first)])
             self._open_shares = np.concatenate([self._open_shares, np.zeros_like(self._open_shares)])
@@ -114,6 +123,7 @@ class ScanStore:
         noise = describe(
             points, self.lidar_position, c.wall_reach, c.wall_spacings, c.wall_neighbours, c.wall_flatness, rows
         )
+        self._own_normals[start:end] = rows[:, 2:4]
         self._open_shares[self._count] = min(max(c.open_noise * noise, c.open_least), c.open_share)
         self._count += 1
         self._first[self._count] = end
@@ -121,6 +131,24 @@ class ScanStore:
     def size_of(self, scan: int) -> int:
         """How many end points one scan has."""
         return int(self._first[scan + 1] - self._first[scan])
+
+    def share_walls(self, poses: Array, since: int = 0) -> None:
+        """Find the walls' directions anew from all scans that saw them, now that their ``poses`` (k, 3) are known.
+
+        Those of the scans ``since`` that one, and of those before it whose walls these may have seen.
+        """
+        c = self.config
+        if c.shared_scans == 0:
+            return
+        start, stop = max(since - c.shared_scans, 0), len(poses)
+        rows, own, first, lidar = self._rows, self._own_normals, self.first, self.lidar_position
+        limits = (c.shared_scans, c.shared_reach, c.wall_flatness, c.fewest_shared)
+
+        def part(k: slice) -> Singles:
+            return shared_normals(rows, own, first, lidar, poses, start + k.start, start + k.stop, *limits)
+
+        found = self.worker.split(part, stop - start, worth=50)
+        rows[first[start] : first[stop], 2:4] = np.concatenate(found)
 
     def drop_last(self) -> None:
         """Forget the scan added last."""

@@ -24,6 +24,11 @@ class ScanMatchingConfig(Section):
         0.1, "neighbours are a wall if the smaller eigenvalue of their spread is at most this share of the larger",
         gt=0, le=1,
     )  # fmt: skip
+    shared_scans: int = setting(
+        12, "key scans before and after one that tell with it where its walls lead, once their poses are known", ge=0
+    )
+    shared_reach: float = setting(0.15, "their end points this near tell it ...", "m", gt=0)
+    fewest_shared: int = setting(8, "... if there are so many", ge=3)
     noise: float = setting(0.02, "standard deviation of an end point off its wall", "m", gt=0)
     robust_noise: float = setting(2.0, "an end point loses its say beyond so many standard deviations ...", gt=0)
     robust_gate: float = setting(3.0, "... or beyond the greatest distance over this, whichever is more", gt=0)
@@ -43,7 +48,7 @@ class SmoothingConfig(Section):
     """The pose graph over the key scans, which settles the whole trajectory in hindsight."""
 
     enabled: bool = setting(True, "settle the trajectory and redraw the map when all scans are in")
-    rounds: int = setting(2, "times that neighbours are matched and the graph is relaxed", ge=2, le=20)
+    rounds: int = setting(3, "times that neighbours are matched and the graph is relaxed", ge=2, le=20)
     hops: tuple[Hop, ...] = setting((1, 2, 4, 8), "key scans ahead that every key scan is matched with", min_length=1)
     radius: float = setting(2.0, "key scans of earlier visits this near are neighbours", "m", gt=0)
     neighbours: int = setting(3, "earlier visits that a key scan is matched with, at most", ge=0)
@@ -196,6 +201,9 @@ class SlidingConfig(Section):
 
     enabled: bool = setting(True, "lay visits over each other along a direction that their match leaves open")
     every: int = setting(3, "key scans from one that is looked at to the next", ge=1)
+    weak: float = setting(
+        0.05, "a direction of which a match knows less than this share of the other's may be open", gt=0, lt=1
+    )
     reach: float = setting(1.2, "looked so far to either side", "m", gt=0)
     step: float = setting(0.1, "of the shifts that are tried", "m", gt=0)
     gain: float = setting(0.1, "share of end points that a shift explains more than any other, at least ...", gt=0)

@@ -60,6 +60,7 @@ class Smoother:
         if len(poses) < 3:
             return Smoothed(poses, closed)
         poses, _ = self.relax(poses, np.array(self.config.first_gates))
+        self.share_walls(poses)
         self.learn_errors(poses)
         poses, support = self.choose_held(poses, self._settings.filter_constraints.sure)
         if self.loops.enabled:
@@ -69,6 +70,7 @@ class Smoother:
                 if len(joined) == 0:
                     break
                 closed = np.concatenate([closed, joined])
+        self.share_walls(poses)
         for _ in range(self.config.rounds - 2):
             poses, _ = self.relax(poses, np.array(self.config.gates))
         return Smoothed(poses, closed)
@@ -84,6 +86,11 @@ class Smoother:
             if self.is_better(trial, poses, trial_support - support):
                 return trial, trial_support, np.stack([loop.start, loop.end], axis=-1)
         return poses, support, np.zeros((0, 2), np.int64)
+
+    def share_walls(self, poses: Array, since: int = 0) -> None:
+        """Find the walls' directions anew, as :meth:`ScanStore.share_walls`; matches from now on go by them."""
+        self.scans.share_walls(poses, since)
+        self._kept = None
 
     def relax(self, poses: Array, gates: Array) -> tuple[Array, float]:
         """Match all neighbours and relax the graph once: poses (k, 3), and the sum of all constraints' weights."""
