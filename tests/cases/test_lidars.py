@@ -113,7 +113,7 @@ def test_a_number_of_beams_that_varies(kit: Any, tmp_path: Path) -> None:
     got = kit.replayed(drive.robotlaser(tmp_path / "ld19.log", 12.0, scans), drive.truth)
     assert "176 to 185 beams" in got.said
     assert got.found == []
-    assert got.settled < 0.02
+    assert got.settled < 0.03
     assert got.settled < got.online + 0.01
 
 
@@ -175,4 +175,4 @@ def test_beams_of_one_scan_from_different_poses(kit: Any, tmp_path: Path, seed: 
     got = kit.replayed(drive.robotlaser(tmp_path / "deskew.log", 50.0), drive.truth)
     assert "spread over 0.199 s, counter-clockwise, the stamp being that of the last one" in got.said
     assert got.settled < 0.1 and got.online < 0.1
-    assert got.settled < got.online + 0.02  # one swept scan tells the first heading, which both are laid on
+    assert got.settled < got.online + 0.01

@@ -40,6 +40,16 @@ def test_a_replay_with_no_return_written_as_the_greatest_range(kit: Any, tmp_pat
     assert got.settled < got.online + 0.01
 
 
+def test_a_replay_of_readings_that_are_written_twice(kit: Any, tmp_path: Path) -> None:
+    """sentinel8f: 0.02 m. 91 readings as 181 beams: with the repeated ones half a degree too far, 0.11 m."""
+    drive = kit.scanner(beams=91).limited(8.0, 8.0)
+    twice = drive.changed(angles=kit.degrees(-90, 90, 181), ranges=np.repeat(drive.ranges, 2, axis=1)[:, :181])
+    got = kit.replayed(twice.flaser(tmp_path / "x.log"), drive.truth)
+    assert [what for _, what in got.found] == ["beams_repeated", "no_return_value"]
+    assert got.settled < 0.04
+    assert got.settled < got.online + 0.01
+
+
 def returns(recording: pf.Recording) -> Any:
     """Ranges (n, B) m as the filter takes them: 0 where nothing came back."""
     lidar, ranges = recording.lidar, recording.ranges

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from pfslam_viz.errors import InputError
-from pfslam_viz.recordings.checking import beams, carried, clocks, contradiction, jumps, mounting, odometry
+from pfslam_viz.recordings.checking import beams, carried, clocks, contradiction, jumps, mounting, odometry, repeated
 from pfslam_viz.recordings.checking.draft import Draft
 from pfslam_viz.recordings.findings import Finding, of
 from pfslam_viz.recordings.recording import Recording
@@ -12,6 +12,7 @@ STAGES = (
     clocks.check_unit,
     clocks.check_stray,
     beams.check_angles,
+    repeated.check_repeated,
     beams.check_unit,
     beams.check_no_return,
     beams.check_far,
