@@ -178,6 +178,19 @@ def known_tiles(values: NDArray[np.float32], above: int, before: int, size: int)
     return out
 
 
+@kernel()
+def _fits(extent: NDArray[np.int64], grid: NDArray[np.float32], origin_row: int, origin_column: int) -> bool:
+    """Whether an ``extent`` (4,), as of :func:`end_cells`, lies within the ``grid``'s outermost ring."""
+    rows, columns = grid.shape
+    fits: bool = (
+        extent[0] + origin_row >= 1
+        and extent[1] + origin_column >= 1
+        and extent[2] + origin_row <= rows - 2
+        and extent[3] + origin_column <= columns - 2
+    )
+    return fits
+
+
 @kernel("f8[::1], f8[:, ::1], f8[::1], f4[:, ::1], u1[:, ::1], u1[:, ::1], i8, i8, i8, f8, f4, f4, f4, f4")
 def add_scan(
     pose: Floats,
@@ -200,13 +213,7 @@ def add_scan(
     Returns whether they do, their extent (4,) from the cell at the world's origin and the points (m, 2) in the world.
     """
     cells, extent, world = end_cells(pose, points, lidar_position, cell)
-    rows, columns = log_odds.shape
-    inside = (
-        extent[0] + origin_row >= 1
-        and extent[1] + origin_column >= 1
-        and extent[2] + origin_row <= rows - 2
-        and extent[3] + origin_column <= columns - 2
-    )
+    inside = _fits(extent, log_odds, origin_row, origin_column)
     if inside:
         write_scan(log_odds, occupied, touched, mark, cells, origin_row, origin_column, hit, miss, bound, threshold)
     return inside, extent, world
@@ -240,16 +247,10 @@ def add_scans(
     ``first[k + 1]`` of ``points`` are its. ``mark`` to ``mark + n - 1`` must be new to ``touched``; the rest is as for
     :func:`add_scan`, which is written out here, as a call of it takes half a second to compile.
     """
-    rows, columns = log_odds.shape
     extent = np.zeros(4, np.int64)
     for k in range(done, len(poses)):
         cells, extent, _ = end_cells(poses[k], points[first[k] : first[k + 1]], lidar_positions[k], cell)
-        if (
-            extent[0] + origin_row < 1
-            or extent[1] + origin_column < 1
-            or extent[2] + origin_row > rows - 2
-            or extent[3] + origin_column > columns - 2
-        ):
+        if not _fits(extent, log_odds, origin_row, origin_column):
             return k, extent
         write_scan(log_odds, occupied, touched, mark + k, cells, origin_row, origin_column, hit, miss, bound, threshold)
     return len(poses), extent

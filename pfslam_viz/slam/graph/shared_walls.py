@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz.compiling.kernel import kernel
-from pfslam_viz.slam.graph.scan_matching import CHORD
+from pfslam_viz.slam.graph.scan_matching import CHORD, first_from
+from pfslam_viz.slam.graph.walls import line_normal
 
 Array = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -44,7 +45,7 @@ def shared_normals(
     less than the ``fewest``, or form no line by their covariance's ``flatness``, a normal is the scan's own: that
     they do not may be for poses that are not known well enough.
     """
-    offset = first[start]
+    bearings, offset = rows[:, 4], first[start]
     out = np.empty((first[end] - offset, 2), np.float32)
     for k in range(start, end):
         low, high = max(k - scans, 0), min(k + scans + 1, len(poses))
@@ -59,7 +60,7 @@ def shared_normals(
             ahead_x, ahead_y = poses[k, 0] - poses[j, 0], poses[k, 1] - poses[j, 1]
             x, y = cj * ahead_x + sj * ahead_y, cj * ahead_y - sj * ahead_x
             ahead = 0.5 * (rows[j0, 4] + rows[j1 - 1, 4])
-            middle = j0  # the first end point at a bearing or beyond, looked for from the one before
+            middle = j0
             for b in range(first[k], first[k + 1]):
                 px, py = x + c * rows[b, 0] - s * rows[b, 1], y + s * rows[b, 0] + c * rows[b, 1]
                 nx, ny = c * own[b, 0] - s * own[b, 1], s * own[b, 0] + c * own[b, 1]
@@ -67,10 +68,7 @@ def shared_normals(
                 far = math.sqrt(lx * lx + ly * ly)
                 bearing = math.atan2(ly, lx)
                 bearing -= 2.0 * math.pi * math.floor((bearing - ahead) / (2.0 * math.pi) + 0.5)
-                while middle > j0 and rows[middle - 1, 4] >= bearing:
-                    middle -= 1
-                while middle < j1 and rows[middle, 4] < bearing:
-                    middle += 1
+                middle = first_from(bearings, j0, j1, bearing, middle)
                 at = b - first[k]
                 for side in range(-1, 2, 2):
                     i = middle if side > 0 else middle - 1
@@ -96,12 +94,8 @@ def shared_normals(
                 continue
             mx, my = moments[at, 1] / n, moments[at, 2] / n
             xx, xy, yy = moments[at, 3] / n - mx * mx, moments[at, 4] / n - mx * my, moments[at, 5] / n - my * my
-            half, root = 0.5 * (xx + yy), math.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
-            if half + root < 1e-6 or half - root > flatness * (half + root):
-                continue
-            angle = 0.5 * math.atan2(2.0 * xy, xx - yy)  # along the wall
-            wx, wy = -math.sin(angle), math.cos(angle)
-            if wx * (lidar_position[0] - rows[b, 0]) + wy * (lidar_position[1] - rows[b, 1]) < 0.0:
-                wx, wy = -wx, -wy
-            out[to, 0], out[to, 1] = wx, wy
+            to_lidar_x, to_lidar_y = lidar_position[0] - rows[b, 0], lidar_position[1] - rows[b, 1]
+            wx, wy, _, _ = line_normal(xx, xy, yy, to_lidar_x, to_lidar_y, flatness)
+            if wx != 0.0 or wy != 0.0:
+                out[to, 0], out[to, 1] = wx, wy
     return out

@@ -93,6 +93,25 @@ def _select(values: Floats, k: int) -> float:
 
 
 @kernel()
+def line_normal(
+    xx: float, xy: float, yy: float, to_lidar_x: float, to_lidar_y: float, flatness: float
+) -> tuple[float, float, float, float]:
+    """The unit normal, towards the lidar, of the line through points of this covariance (m²), and its eigenvalues.
+
+    Zero where they do not form a line: where the smaller eigenvalue is more than ``flatness`` of the larger.
+    """
+    half, root = 0.5 * (xx + yy), math.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
+    small, large = half - root, half + root
+    if large < 1e-6 or small > flatness * large:
+        return 0.0, 0.0, small, large
+    angle = 0.5 * math.atan2(2.0 * xy, xx - yy)  # along the wall
+    nx, ny = -math.sin(angle), math.cos(angle)
+    if nx * to_lidar_x + ny * to_lidar_y < 0.0:
+        nx, ny = -nx, -ny
+    return nx, ny, small, large
+
+
+@kernel()
 def wall_normals(
     points: Floats, lidar_position: Floats, reach: float, spacings: float, neighbours: int, flatness: float
 ) -> tuple[Floats, float]:
@@ -135,16 +154,12 @@ def wall_normals(
             continue
         mx, my = sx / n, sy / n
         a, d, c = sxx / n - mx * mx, sxy / n - mx * my, syy / n - my * my
-        half, root = 0.5 * (a + c), math.sqrt(max(0.25 * (a - c) ** 2 + d * d, 0.0))
-        small, large = half - root, half + root
-        if large < 1e-6 or small > flatness * large:
+        to_lidar_x, to_lidar_y = lidar_position[0] - points[b, 0], lidar_position[1] - points[b, 1]
+        nx, ny, small, large = line_normal(a, d, c, to_lidar_x, to_lidar_y, flatness)
+        if nx == 0.0 and ny == 0.0:
             continue
         noise += max(small, 0.0) / (large * (n - 2))
         walls += 1
-        angle = 0.5 * math.atan2(2.0 * d, a - c)  # along the wall
-        nx, ny = -math.sin(angle), math.cos(angle)
-        if nx * (lidar_position[0] - points[b, 0]) + ny * (lidar_position[1] - points[b, 1]) < 0.0:
-            nx, ny = -nx, -ny
         out[b, 0], out[b, 1] = nx, ny
     return out, noise / max(walls, 1)
 

@@ -1,12 +1,11 @@
 """The particles' ancestry: whose map and trajectory each of them carries on."""
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.compiling.kernel import kernel
+from pfslam_viz.slam.tiles import enlarged
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -39,9 +38,10 @@ class History:
         ``unknown`` s of the time in between the odometry did not know. Call it before :meth:`add_scan`.
         """
         if self._count == len(self._poses):
-            self._poses, self._parents = _longer(self._poses), _longer(self._parents)
-            self._odometry, self._moved = _longer(self._odometry), _longer(self._moved)
-            self._unknown = _longer(self._unknown)
+            more = self._count
+            self._poses, self._parents = enlarged(self._poses, more), enlarged(self._parents, more)
+            self._odometry, self._moved = enlarged(self._odometry, more), enlarged(self._moved, more)
+            self._unknown = enlarged(self._unknown, more)
         self.keys.append(len(self._key_of))
         self._poses[self._count] = poses
         self._odometry[self._count] = odometry
@@ -103,11 +103,6 @@ class History:
     def unknown(self) -> Array:
         """(keys, 1) s before each key scan of which the odometry knows nothing."""
         return self._unknown[: self._count].copy()
-
-
-def _longer(rows: NDArray[Any]) -> NDArray[Any]:
-    """The same with room for twice as many."""
-    return np.concatenate([rows, np.empty_like(rows)])
 
 
 @kernel("f8[:, :, ::1], i8[:, ::1], i8, i8")
