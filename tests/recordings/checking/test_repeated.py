@@ -47,14 +47,15 @@ def test_with_an_even_number_it_is_not_known_which_angle_is_right() -> None:
     assert finding.severity == "doubtful" and "turned by 0.5 degrees" in finding.advice
 
 
-@pytest.mark.parametrize("of", ["single", "smooth", "shifted", "some"])
+@pytest.mark.parametrize("of", ["single", "smooth", "stretches", "shifted", "some"])
 def test_other_lidars_are_left_alone(of: str) -> None:
-    """Single readings; walls so smooth that neighbours are often alike; a repeated one that begins with one alone."""
+    """Single readings; walls so smooth that neighbours are often or mostly alike; a first one alone."""
     single = readings(181)
     twice = np.repeat(readings(91), 2, axis=1)[:, :181]
     ranges = {
         "single": single,
         "smooth": np.round(single, 0),
+        "stretches": np.repeat(readings(5), 40, axis=1)[:, :181],
         "shifted": np.concatenate([single[:, :1], twice[:, :-1]], axis=1),
         "some": np.concatenate([twice[:, :100], single[:, 100:]], axis=1),
     }[of]

@@ -114,6 +114,19 @@ def test_what_other_scans_do_not_see_as_a_wall_stays_as_it_was() -> None:
     assert (given.store.normals != before).any(axis=1).mean() < 0.1
 
 
+def test_the_other_side_of_a_thin_wall_does_not_count() -> None:
+    """Its sides are 3 cm apart and not parallel, by 0.2 rad; one scan sees it from below, the other from above."""
+    x = np.linspace(-0.3, 0.3, 61)
+    below = np.stack([x, np.zeros(61)], axis=-1)
+    above = np.stack([x, 0.03 + 0.2 * x], axis=-1)
+    poses = np.array([[0.0, -1.5, 0.5 * np.pi], [0.0, 1.5, -0.5 * np.pi]])
+    store = ScanStore(np.zeros(2), ScanMatchingConfig())
+    for pose, wall in zip(poses, (below[::-1], above), strict=True):
+        store.add(geometry.transform(geometry.between(pose, np.zeros(3)), wall))
+    store.share_walls(poses)
+    np.testing.assert_allclose(normals_of(store, 0), np.tile([-1.0, 0.0], (61, 1)), atol=1e-3)  # to the lidar
+
+
 def test_sharing_again_begins_with_each_scans_own() -> None:
     """So that it does not matter what was shared before, nor whether all is done at once or part after part."""
     one, other = drive(), drive()
