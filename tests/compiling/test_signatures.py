@@ -34,18 +34,24 @@ def loaded() -> None:
     cpu_target.typing_context.refresh()
 
 
-@pytest.mark.parametrize(("function", "arguments"), CALLS)
-def test_a_signature_is_the_same_and_is_looked_for_once(
-    monkeypatch: pytest.MonkeyPatch, function: Any, arguments: tuple[Any, ...]
-) -> None:
-    expected = resolve(function, arguments)
-    own, asked = BaseFunction.get_call_type, []
+def counted(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Gets an item whenever numba itself looks for a signature."""
+    own, asked = BaseFunction.get_call_type, list[Any]()
 
     def get_call_type(self: Any, *of: Any) -> Any:
         asked.append(of)
         return own(self, *of)
 
     monkeypatch.setattr(BaseFunction, "get_call_type", get_call_type)
+    return asked
+
+
+@pytest.mark.parametrize(("function", "arguments"), CALLS)
+def test_a_signature_is_the_same_and_is_looked_for_once(
+    monkeypatch: pytest.MonkeyPatch, function: Any, arguments: tuple[Any, ...]
+) -> None:
+    expected = resolve(function, arguments)
+    asked = counted(monkeypatch)
     with remembered_signatures():
         assert [resolve(function, arguments) for _ in range(3)] == [expected] * 3
     assert len(asked) == 1
@@ -57,6 +63,14 @@ def test_what_has_no_signature_has_none_the_second_time() -> None:
         for _ in range(2):
             with pytest.raises(numba.core.errors.TypingError):
                 resolve(operator.lshift, (types.float64, types.int64))
+
+
+def test_what_is_compiled_for_its_caller_is_looked_for_every_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = counted(monkeypatch)
+    with remembered_signatures():
+        for _ in range(3):
+            resolve(max, (types.float64, types.float64))
+    assert len(asked) >= 3
 
 
 def test_what_is_compiled_for_its_caller_is_not_remembered() -> None:
