@@ -6,6 +6,8 @@ none, and each pass looks through the whole kernel for them. Custom pipelines ar
 
 from typing import Any
 
+import numba
+from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase
 from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.lowering import Lower
@@ -22,10 +24,37 @@ from numba.core.typed_passes import (
 )
 from numba.core.untyped_passes import FixupArgs, GenericRewrites, IRProcessing, ReconstructSSA, TranslateByteCode
 
+from pfslam_viz.compiling.inlined import CallInlined
+
 BEFORE = (
-    TranslateByteCode, FixupArgs, IRProcessing, GenericRewrites, ReconstructSSA, NopythonTypeInference,
+    TranslateByteCode, FixupArgs, IRProcessing, GenericRewrites, ReconstructSSA, CallInlined, NopythonTypeInference,
     PreLowerStripPhis, InlineOverloads, NoPythonSupportedFeatureValidation, IRLegalization, AnnotateTypes,
 )  # fmt: skip
+
+
+KNOWN = ((0, 68),)
+"""Releases of numba whose libraries are as :class:`_InnerLibrary` takes them to be: in others it is not used."""
+
+
+class _InnerLibrary(JITCodeLibrary):
+    """A kernel that ends within those that call it, and is machine code nowhere else."""
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """None: it has no entry."""
+        self._ensure_finalized()  # type: ignore[no-untyped-call]
+        return 0
+
+    def _finalize_final_module(self) -> None:
+        """Leave the making of machine code to the kernels that call it."""
+        self._finalized = True
+
+    @property
+    def codegen(self) -> Any:
+        """What has nothing to set: environments are for machine code that talks to Python."""
+        return self
+
+    def set_env(self, name: str, environment: Any) -> None:
+        """Nothing."""
 
 
 class _EntryLower(Lower):
@@ -53,10 +82,25 @@ class EntryLowering(BaseNativeLowering):
         return _EntryLower
 
 
+@register_pass(mutates_CFG=True, analysis_only=False)  # type: ignore[no-untyped-call]
+class InnerLowering(NativeLowering):
+    """As numba's own, but for what it makes of it."""
+
+    _name: Any = "inner_lowering"
+
+    def run_pass(self, state: Any) -> bool:
+        """Lower it into a library of its kind, where numba's are known."""
+        if numba.version_info[:2] in KNOWN:
+            state.library = _InnerLibrary(state.targetctx.codegen(), state.func_id.func_qualname)  # type: ignore[no-untyped-call]
+            state.library.enable_object_caching()
+        done: bool = super().run_pass(state)  # type: ignore[no-untyped-call]
+        return done
+
+
 class InnerKernel(CompilerBase):
     """Compiles a kernel that only kernels call."""
 
-    lowering: Any = NativeLowering
+    lowering: Any = InnerLowering
 
     def define_pipelines(self) -> list[PassManager]:
         """The one there is."""
