@@ -598,6 +598,8 @@ def main() -> None:
     # Threads of NumPy's and OpenCV's own cost more than they help with arrays of this size: they spin while they wait.
     for threads in ("OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"):
         os.environ.setdefault(threads, "1")
+    # Numba's refusals while it compiles, which nobody reads, are not made colourful: a thirtieth of compiling.
+    os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
     # What Rerun says of a file that it cannot write, or a viewer that is gone, we say ourselves, in one line.
     os.environ.setdefault("RUST_LOG", "warn,re_log_encoding=off,re_sdk=off,re_grpc_client=off")
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # a request to terminate is Ctrl-C: all is put in order

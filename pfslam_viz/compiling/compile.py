@@ -20,6 +20,7 @@ from pfslam_viz.compiling.clock import CLOCK
 from pfslam_viz.compiling.kernel import find, types_of, without_blas
 from pfslam_viz.compiling.needed import Needed
 from pfslam_viz.compiling.signatures import remembered_signatures
+from pfslam_viz.compiling.sizes import remembered_sizes
 from pfslam_viz.compiling.stored import NotStoredError, Stored
 from pfslam_viz.slam.worker import cores
 
@@ -167,7 +168,7 @@ def compiling(
     """Kernels that are compiled, and how many had to be; what is ``wanted`` later is compiled beside what is done."""
     process = Compiling(say)
     try:
-        with without_blas(), remembered_signatures():
+        with without_blas(), remembered_signatures(), remembered_sizes():
             count = process.prepare(wanted, on_progress)
         yield count
     finally:
@@ -178,7 +179,7 @@ def compile_all(wanted: Needed, on_progress: OnProgress = lambda done, all_: Non
     """Compile everything that is ``wanted``, or load it; how many kernels had to be compiled."""
     process = Compiling()
     try:
-        with without_blas(), remembered_signatures():
+        with without_blas(), remembered_signatures(), remembered_sizes():
             return process.prepare(Needed((*wanted.first, *wanted.later)), on_progress)
     finally:
         process.close()

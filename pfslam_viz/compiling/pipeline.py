@@ -33,10 +33,23 @@ BEFORE = (
 
 
 KNOWN = ((0, 68),)
-"""Releases of numba whose libraries are as :class:`_InnerLibrary` takes them to be: in others it is not used."""
+"""Releases of numba whose libraries are as the two below take them to be: with others, kernels have numba's own."""
 
 
-class _InnerLibrary(JITCodeLibrary):
+class _Library(JITCodeLibrary):
+    """A kernel's code, of which LLVM is shown what there is: numba has it optimise every declaration, too."""
+
+    def _optimize_functions(self, module: Any) -> None:
+        """Simplify the functions that the module has, before it is linked."""
+        codegen: Any = self._codegen
+        module.data_layout = codegen._data_layout
+        for function in module.functions:
+            if not function.is_declaration:
+                passes, builder = codegen._function_pass_manager()
+                passes.run(function, builder)
+
+
+class _InnerLibrary(_Library):
     """A kernel that ends within those that call it, and is machine code nowhere else."""
 
     def get_pointer_to_function(self, name: str) -> int:
@@ -66,11 +79,19 @@ class _EntryLower(Lower):
         self.create_cpython_wrapper(True)  # type: ignore[no-untyped-call]
 
 
+def _lower_into(library: type[_Library], state: Any) -> None:
+    """Have a kernel lowered into a ``library`` of this kind, where numba's are known."""
+    if numba.version_info[:2] in KNOWN:
+        make: Any = library
+        state.library = make(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library.enable_object_caching()
+
+
 @register_pass(mutates_CFG=True, analysis_only=False)  # type: ignore[no-untyped-call]
 class EntryLowering(BaseNativeLowering):
     """As numba's own, with an entry whatever the flags say.
 
-    What a kernel calls of numba's own, such as ``np.empty``, is compiled once for all kernels of the same flags: they
+    What a kernel calls of numba's own, such as ``np.exp``, is compiled once for all kernels of the same flags: they
     all say that there is no entry.
     """
 
@@ -81,18 +102,22 @@ class EntryLowering(BaseNativeLowering):
         """What does it."""
         return _EntryLower
 
+    def run_pass(self, state: Any) -> bool:
+        """Lower it."""
+        _lower_into(_Library, state)
+        done: bool = super().run_pass(state)  # type: ignore[no-untyped-call]
+        return done
+
 
 @register_pass(mutates_CFG=True, analysis_only=False)  # type: ignore[no-untyped-call]
 class InnerLowering(NativeLowering):
-    """As numba's own, but for what it makes of it."""
+    """As numba's own, into what never becomes machine code by itself."""
 
     _name: Any = "inner_lowering"
 
     def run_pass(self, state: Any) -> bool:
-        """Lower it into a library of its kind, where numba's are known."""
-        if numba.version_info[:2] in KNOWN:
-            state.library = _InnerLibrary(state.targetctx.codegen(), state.func_id.func_qualname)  # type: ignore[no-untyped-call]
-            state.library.enable_object_caching()
+        """Lower it."""
+        _lower_into(_InnerLibrary, state)
         done: bool = super().run_pass(state)  # type: ignore[no-untyped-call]
         return done
 

@@ -9,11 +9,12 @@ from collections.abc import Iterable
 
 from pfslam_viz.compiling.kernel import find, types_of, without_blas
 from pfslam_viz.compiling.signatures import remembered_signatures
+from pfslam_viz.compiling.sizes import remembered_sizes
 
 
 def serve(names: Iterable[str]) -> None:
     """Compile the kernels with these names, and say so, a line each."""
-    with without_blas(), remembered_signatures():
+    with without_blas(), remembered_signatures(), remembered_sizes():
         for line in names:
             compiled, signature = find(line.strip())
             compiled.compile(types_of(compiled, signature))

@@ -26,11 +26,13 @@ def end_cells(
     least row, column, greatest row, column.
     """
     cells = np.empty((len(points) + 1, 2), np.int64)
-    lidar, world = transform(pose, lidar_position.reshape(1, 2)), transform(pose, points)
+    world = transform(pose, points)
+    cos, sin, forward, left = math.cos(pose[2]), math.sin(pose[2]), lidar_position[0], lidar_position[1]
+    lidar_x, lidar_y = pose[0] + cos * forward - sin * left, pose[1] + sin * forward + cos * left
     extent = np.empty(4, np.int64)
     extent[0], extent[1], extent[2], extent[3] = 2**62, 2**62, -(2**62), -(2**62)
     for b in range(len(cells)):
-        x, y = (lidar[0, 0], lidar[0, 1]) if b == 0 else (world[b - 1, 0], world[b - 1, 1])
+        x, y = (lidar_x, lidar_y) if b == 0 else (world[b - 1, 0], world[b - 1, 1])
         cells[b, 0], cells[b, 1] = math.floor(-y / cell), math.floor(x / cell)
         for axis in range(2):
             extent[axis] = min(extent[axis], cells[b, axis])

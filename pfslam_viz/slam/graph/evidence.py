@@ -182,7 +182,8 @@ def _agreement(
                 elif square < on_wall * on_wall:
                     nearest = min(nearest, math.hypot(dx, dy))
             if nearest < on_wall:
-                total += math.exp(-0.5 * (nearest / rules.sigma) ** 2)
+                away = nearest / rules.sigma
+                total += math.exp(-0.5 * (away * away))
                 told += 1
                 continue
             far, shortest = math.sqrt(lx * lx + ly * ly), 1e9

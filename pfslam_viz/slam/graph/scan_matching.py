@@ -89,7 +89,7 @@ def _forget_open_direction(h: Floats, g: Floats, share: float) -> None:
     a = h[0, 0] - h[0, 2] * h[0, 2] / h[2, 2]
     b = h[0, 1] - h[0, 2] * h[1, 2] / h[2, 2]
     d = h[1, 1] - h[1, 2] * h[1, 2] / h[2, 2]
-    half, root = 0.5 * (a + d), math.sqrt(0.25 * (a - d) ** 2 + b * b)
+    half, root = 0.5 * (a + d), math.sqrt(0.25 * ((a - d) * (a - d)) + b * b)
     if half - root > share * (half + root):
         return
     angle = 0.5 * math.atan2(2.0 * b, a - d) + 0.5 * math.pi
@@ -235,7 +235,8 @@ def match_pairs(
                     continue  # the other side of a wall, or another wall
                 # The distance from the partner's wall, its robust weight, and how it changes with the heading
                 e = nx * (px - rx[at]) + ny * (py - ry[at])
-                w = 1.0 / (1.0 + (e / width) ** 2) / (rules.noise * rules.noise)
+                off = e / width
+                w = 1.0 / (1.0 + off * off) / (rules.noise * rules.noise)
                 jt = -nx * oy + ny * ox
                 partners += 1
                 sum_distance += abs(e)

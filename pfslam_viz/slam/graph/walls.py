@@ -21,7 +21,8 @@ def within(points: Floats, center: Floats, distance: float) -> Floats:
     out = np.empty_like(points)
     k = 0
     for b in range(len(points)):
-        if (points[b, 0] - center[0]) ** 2 + (points[b, 1] - center[1]) ** 2 <= distance**2:
+        x, y = points[b, 0] - center[0], points[b, 1] - center[1]
+        if x * x + y * y <= distance * distance:
             out[k, 0], out[k, 1] = points[b, 0], points[b, 1]
             k += 1
     return out[:k]
@@ -100,7 +101,7 @@ def line_normal(
 
     Zero where they do not form a line: where the smaller eigenvalue is more than ``flatness`` of the larger.
     """
-    half, root = 0.5 * (xx + yy), math.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
+    half, root = 0.5 * (xx + yy), math.sqrt(0.25 * ((xx - yy) * (xx - yy)) + xy * xy)
     small, large = half - root, half + root
     if large < 1e-6 or small > flatness * large:
         return 0.0, 0.0, small, large
