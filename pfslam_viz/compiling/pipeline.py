@@ -50,15 +50,18 @@ class _Library(JITCodeLibrary):
 
 
 class _InnerLibrary(_Library):
-    """A kernel that ends within those that call it, and is machine code nowhere else."""
+    """A kernel that ends within those that call it: it is optimised with them, and is machine code nowhere else."""
 
     def get_pointer_to_function(self, name: str) -> int:
         """None: it has no entry."""
         self._ensure_finalized()  # type: ignore[no-untyped-call]
         return 0
 
+    def _optimize_final_module(self) -> None:
+        """Leave it to the kernels that call it."""
+
     def _finalize_final_module(self) -> None:
-        """Leave the making of machine code to the kernels that call it."""
+        """And the making of machine code."""
         self._finalized = True
 
     @property

@@ -52,6 +52,7 @@ def collect(  # type: ignore[no-untyped-def]
     robot's pose, the arguments from ``by_row`` on a :class:`~pfslam_viz.texture.kinect.FloorView`'s. Answers the first
     and last row and column that were touched (last < first: none).
     """
+    cells = patch.reshape(-1, 4)
     size, columns, width = np.int32(len(patch)), disparity.shape[1], np.int32(color.shape[1])
     box_top, box_bottom, box_left, box_right = size, np.int32(-1), size, np.int32(-1)
     # A pixel's cell is (down, right) + depth * (its ray, turned), in cells; positive within the patch.
@@ -68,7 +69,6 @@ def collect(  # type: ignore[no-untyped-def]
     # Neighbours often fall into one cell: sums wait in registers until the next cell comes.
     nothing: int = np.int64(0)  # type: ignore[assignment]  # of the sums' type from the first
     here, red, green, blue, count = none, nothing, nothing, nothing, nothing
-    sums = patch[0, 0]
     for v in range(len(disparity)):
         if color_rows[v] < 0 or color_rows[v] >= len(color):
             continue
@@ -92,8 +92,8 @@ def collect(  # type: ignore[no-untyped-def]
                 continue
             if index[u] != here:
                 if count > 0:
-                    _put(sums, red, green, blue, count)
-                here, sums = index[u], patch[row[u], column[u]]
+                    _put(cells[here], red, green, blue, count)
+                here = index[u]
                 red, green, blue, count = nothing, nothing, nothing, nothing
                 box_top, box_bottom = min(box_top, row[u]), max(box_bottom, row[u])
                 box_left, box_right = min(box_left, column[u]), max(box_right, column[u])
@@ -103,7 +103,7 @@ def collect(  # type: ignore[no-untyped-def]
             blue += pixel[2]
             count += 1
     if count > 0:
-        _put(sums, red, green, blue, count)
+        _put(cells[here], red, green, blue, count)
     return box_top, box_bottom, box_left, box_right
 
 
