@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.compiling.kernel import kernel
-from pfslam_viz.slam.graph.scan_matching import approximate_bearing, first_from
+from pfslam_viz.slam.graph.scan_matching import NEARLY, approximate_bearing, first_from
 from pfslam_viz.slam.graph.scan_store import ScanStore
 from pfslam_viz.slam.graph.settings import EvidenceConfig
 from pfslam_viz.slam.graph.visits import earlier_visits
@@ -24,8 +24,6 @@ from pfslam_viz.slam.graph.visits import earlier_visits
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Singles = NDArray[np.float32]
-
-NEARLY = 1e-6  # rad from a beam, within which an approximate bearing does not tell on which side of it it is
 
 
 class EvidenceRules(NamedTuple):

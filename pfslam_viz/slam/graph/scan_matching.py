@@ -21,6 +21,7 @@ Singles = NDArray[np.float32]
 Indices = NDArray[np.int64]
 
 CHORD = 0.95  # two points at bearings apart by b <= 0.5 rad and as far away are at least sin(b) >= 0.95 b apart
+NEARLY = 1e-6  # rad from a beam, within which an approximate bearing does not tell on which side of it it is
 
 
 class MatchingRules(NamedTuple):

@@ -74,7 +74,15 @@ def normals_of(store: ScanStore, scan: int) -> Array:
 
 
 @pytest.mark.parametrize(
-    "settings", [{}, {"shared_scans": 3}, {"shared_reach": 0.4}, {"fewest_shared": 30}, {"wall_flatness": 0.02}]
+    "settings",
+    [
+        {},
+        {"shared_scans": 3},
+        {"shared_reach": 0.4},
+        {"shared_reach": 1.3},  # nearly as far as the walls are: end points far apart by bearing are within reach
+        {"fewest_shared": 30},
+        {"wall_flatness": 0.02},
+    ],
 )
 def test_normals_equal_their_plain_twin(settings: dict[str, Any]) -> None:
     given = drive(**settings)
