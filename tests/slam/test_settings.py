@@ -452,9 +452,14 @@ REVISION_OTHER: dict[str, Any] = {
     "settled_distance": 10.0,
     "settled_angle": 1e-9,
     "pause": 80,
+    "early": 20,
+    "span_angle": 1.0,
 }
 # In tests/slam/graph/test_revision.py, where a place is visited twice, and tests/slam/rbpf/test_revise.py.
-NEEDS_VISITS = ("enabled", "doubtful", "sure_of_doubtful", "shift", "turn", "fewest_visits", "pause_share")
+NEEDS_VISITS = (
+    "enabled", "doubtful", "sure_of_doubtful", "shift", "turn", "late_shift", "late_turn", "fewest_visits",
+    "pause_share",
+)  # fmt: skip
 REVISION_GIVEN: dict[str, dict[str, Any]] = {
     "pause": {"pause_share": 0.0},
     "settled_angle": {"settled_angle": 10.0, "settled_distance": 1e9},
@@ -489,11 +494,25 @@ def test_every_setting_of_the_revision(key: str, round_the_block: Round) -> None
     assert revised(round_the_block, given, {}) != revised(round_the_block, given | {key: value}, {})
 
 
-@pytest.mark.parametrize(("key", "value"), [("spans", (16,)), ("span_angle", 0.1)])
-def test_every_setting_of_the_filters_spans(key: str, value: Any, round_the_block: Round) -> None:
+def test_every_setting_of_the_filters_spans(round_the_block: Round) -> None:
     given = RevisionConfig().model_dump() | REVISION | {"sure": -1e9}
-    one, two = (revised(round_the_block, given, change) for change in ({}, {key: value}))
+    one, two = (revised(round_the_block, given, change) for change in ({}, {"spans": (16,)}))
     assert one != two
+
+
+def test_the_headings_held_at_the_end_are_as_firm_as_configured(round_the_block: Round) -> None:
+    """On the way it is ``revision.span_angle``, which counts instead."""
+    poses, odometry, scans = round_the_block
+    store, ends = store_of(scans), []
+    for angle in (0.001, 0.1):
+        spans = FilterConstraintsConfig(spans=(8,), fewest_walls=10**6, span_angle=angle)
+        config = GraphConfig(smoothing=SMOOTHING, filter_constraints=spans)
+        smoother = Smoother(store, odometry, odometry[1:], config)
+        smoother.held = True
+        ends.append(smoother.relax(poses, np.array(SMOOTHING.gates))[0])
+    assert digest(ends[0]) != digest(ends[1])
+    on_the_way = Reviser(GraphConfig(revision=RevisionConfig(span_angle=0.25))).config
+    assert on_the_way.filter_constraints.span_angle == 0.25
 
 
 @pytest.mark.parametrize(("sure", "held"), [(1e9, False), (0.0, True)])

@@ -2,9 +2,11 @@
 
 Three things are a reason to look back: the scans of an earlier visit do not match where the trajectory says they
 should; a place is recognised that the trajectory has drifted away from; and every so often the mere number of scans
-since the last time. What is found is taken over only if scans that were not matched prefer it, as at the end of the
-run. As in graph-based SLAM with a front end and a back end (Hess et al. 2016), where here the front end is the particle
-filter.
+since the last time. Once there is more of a map, only recognised places and visits that are far off are: a correction
+on the way parts what comes after it from what came before, by as much as it moves the robot, and where the filter fits
+its own map that is worse than a slight bend, which the end settles. What is found is taken over only if scans that were
+not matched prefer it, as at the end of the run. As in graph-based SLAM with a front end and a back end (Hess et al.
+2016), where here the front end is the particle filter.
 """
 
 import numpy as np
@@ -34,7 +36,9 @@ class Reviser:
         c = config.revision
         settled = {"settled_distance": c.settled_distance, "settled_angle": c.settled_angle}
         smoothing = config.smoothing.model_copy(update=settled)
-        self.config = config.model_copy(update={"smoothing": smoothing})  # for the smoother of revisions
+        spans = config.filter_constraints.model_copy(update={"span_angle": c.span_angle})
+        # For the smoother of revisions
+        self.config = config.model_copy(update={"smoothing": smoothing, "filter_constraints": spans})
         self._seen = 0  # key scans looked at
         self._last = 0  # key scans there were at the last revision, taken over or not
         self._matched = NOTHING  # all neighbours, as they were matched when they came
@@ -63,7 +67,8 @@ class Reviser:
         self._seen = n
         since = n - self._last
         rested = since >= max(c.pause, c.pause_share * n)
-        if not loops and not (rested and off) and since < max(c.pause, c.regular_share * self._last):
+        regular = n <= c.early and since >= max(c.pause, c.regular_share * self._last)
+        if not loops and not (rested and off) and not regular:
             return None
         smoother.share_walls(poses, self._last)
         self._last = n
@@ -102,7 +107,8 @@ class Reviser:
             return None
         missed = residuals(poses, visits)
         far, turned = np.median(np.hypot(missed[:, 0], missed[:, 1])), np.median(np.abs(missed[:, 2]))
-        return bool(far > c.shift or turned > c.turn)
+        shift, turn = (c.shift, c.turn) if len(poses) <= c.early else (c.late_shift, c.late_turn)
+        return bool(far > shift or turned > turn)
 
     def _recognise(self, smoother: Smoother, poses: Array) -> list[Constraints]:
         """Loops that the key scans since the last time close, or confirm."""

@@ -223,6 +223,12 @@ class RevisionConfig(Section):
     pause: int = setting(20, "key scans from one revision to the next, at least ...", ge=1)
     pause_share: float = setting(0.2, "... and such a share of all so far; found loops do not wait", ge=0)
     regular_share: float = setting(0.3, "such a share more key scans are a reason of their own", gt=0)
+    early: int = setting(300, "key scans up to which these reasons are enough; after that, loops ...", ge=0)
+    late_shift: float = setting(0.1, "... or visits that do not match by so much in the median ...", "m", gt=0)
+    late_turn: float = setting(0.03, "... or by so much", "rad", gt=0)
+    span_angle: float = setting(
+        0.003, "error of the headings that the filter found over long spans, if they are held on the way", "rad", gt=0
+    )
     choice_share: float = setting(
         0.6, "such a share more key scans, and it is chosen anew whether the filter's headings are held", gt=0
     )

@@ -151,6 +151,8 @@ def test_the_mere_number_of_key_scans_is_a_reason_now_and_then(scans: ScanStore,
     """Nothing is off. 20 at first; then 30 % more, but no fewer than 20: 20, 40, 60, 80, 104, 136, 177, every fifth."""
     reviser = Reviser(settings(pause=20, regular_share=0.3))
     assert list(asked(reviser, scans, truth, range(5, 212, 5))) == [20, 40, 60, 80, 105, 140, 185]
+    early = Reviser(settings(pause=20, regular_share=0.3, early=105))
+    assert list(asked(early, scans, truth, range(5, 212, 5))) == [20, 40, 60, 80, 105]
 
 
 def test_where_nothing_is_off_nothing_is_revised(scans: ScanStore, truth: Array) -> None:
@@ -183,6 +185,17 @@ def test_visits_are_off_by_position_or_by_heading(
     shift, turn = limits
     reviser = Reviser(settings(shift=shift, turn=turn, pause=20, pause_share=0.0, regular_share=10.0))
     assert list(asked(reviser, scans, truth, range(170, 191, 20))) == ([170, 190] if reason else [170])
+
+
+@pytest.mark.parametrize(("limits", "reason"), [((1e-9, 9.0), True), ((9.0, 1e-9), True), ((9.0, 9.0), False)])
+def test_once_there_is_more_of_a_map_visits_have_limits_of_their_own(
+    limits: tuple[float, float], reason: bool, scans: ScanStore, truth: Array
+) -> None:
+    """At 170 key scans the mere number is a reason; at 190, past the early ones, only the visits can be."""
+    late: dict[str, Any] = {"late_shift": limits[0], "late_turn": limits[1], "pause": 20, "pause_share": 0.0}
+    for at, early in ((1e-9, 189), (9.0, 189)):
+        reviser = Reviser(settings(shift=at, turn=at, regular_share=10.0, early=early, **late))
+        assert list(asked(reviser, scans, truth, range(170, 191, 20))) == ([170, 190] if reason else [170])
 
 
 def test_too_few_visits_are_no_reason(scans: ScanStore, truth: Array) -> None:
