@@ -193,8 +193,8 @@ def test_once_there_is_more_of_a_map_visits_have_limits_of_their_own(
 ) -> None:
     """At 170 key scans the mere number is a reason; at 190, past the early ones, only the visits can be."""
     late: dict[str, Any] = {"late_shift": limits[0], "late_turn": limits[1], "pause": 20, "pause_share": 0.0}
-    for at, early in ((1e-9, 189), (9.0, 189)):
-        reviser = Reviser(settings(shift=at, turn=at, regular_share=10.0, early=early, **late))
+    for at in (1e-9, 9.0):
+        reviser = Reviser(settings(shift=at, turn=at, regular_share=10.0, early=189, **late))
         assert list(asked(reviser, scans, truth, range(170, 191, 20))) == ([170, 190] if reason else [170])
 
 
