@@ -270,9 +270,10 @@ class RaoBlackwellizedFilter(Belief):
         self._match = Match(geometry.between(by_odometry, means[best]), motion.overlap, axis)
 
     def update_map(self, scan: Scan) -> None:
-        """Every particle writes a key scan into its own map."""
+        """Every particle writes a key scan into its own map, beside what comes until somebody looks at it."""
         if self._keyed:
-            self._maps.write(self._particles, self._scans.points_of(len(self._scans) - 1), scan.lidar_position)
+            points = self._scans.points_of(len(self._scans) - 1)
+            self._maps.write_beside(self._worker, self._particles, points, scan.lidar_position)
             self._grid.follow(self._leader)
 
     def resample(self) -> None:

@@ -9,13 +9,15 @@ flips, so that matching never waits for a distance transform.
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz.slam.rbpf.settings import RbpfConfig
-from pfslam_viz.slam.rbpf.tile_kernels import BITS, SIZE, Field, Floats, join, project, write_scans
+from pfslam_viz.slam.rbpf.tile_kernels import BITS, SIZE, Field, Floats, Index, join, project, write_scans
 from pfslam_viz.slam.tiles import Box, Tiled, enlarged
+from pfslam_viz.slam.worker import Task, Worker
 
 FIRST_TILES = 256
 
@@ -59,26 +61,68 @@ class TileSettings:
 class TileMaps:
     """N maps on one world grid whose rows run down and columns right, as in :class:`OccupancyGrid`.
 
-    Attributes:
-        table: (N, rows, columns) int32, the tile at each place; 0 is the empty tile, which nobody owns.
-        log_odds, field: (tiles, 32, 32) float32.
-        origin: row and column of the cell at the world's origin.
+    A scan may be written beside what else is done (:meth:`write_beside`); whoever looks at the maps has it.
     """
 
     def __init__(self, count: int, settings: TileSettings) -> None:
         self.settings = settings
         self.cell = settings.cell
-        self.table = np.zeros((count, 2, 2), np.int32)
-        self.origin = np.array([SIZE, SIZE])
-        self.log_odds = np.zeros((FIRST_TILES, SIZE, SIZE), np.float32)
-        self.field = np.zeros((FIRST_TILES, SIZE, SIZE), np.float32)
+        self._table = np.zeros((count, 2, 2), np.int32)
+        self._origin = np.array([SIZE, SIZE])
+        self._log_odds = np.zeros((FIRST_TILES, SIZE, SIZE), np.float32)
+        self._field = np.zeros((FIRST_TILES, SIZE, SIZE), np.float32)
         self._kernel = field_kernel(settings.cell, settings.sigma, settings.floor, settings.reach)
         self._threshold = np.float32(settings.threshold)
         self._references = np.zeros(FIRST_TILES, np.int32)
         self._count_references()
+        self._writing: Task[None] | None = None
+
+    @property
+    def table(self) -> Index:
+        """(N, rows, columns) int32, the tile at each place; 0 is the empty tile, which nobody owns."""
+        self._catch_up()
+        return self._table
+
+    @property
+    def log_odds(self) -> Field:
+        """(tiles, 32, 32) float32; 0 is unknown."""
+        self._catch_up()
+        return self._log_odds
+
+    @property
+    def field(self) -> Field:
+        """(tiles, 32, 32) float32, the likelihood field."""
+        self._catch_up()
+        return self._field
+
+    @property
+    def origin(self) -> NDArray[np.int64]:
+        """(2,) row and column of the cell at the world's origin."""
+        self._catch_up()
+        return self._origin
 
     def write(self, poses: Floats, points: Floats, lidar_position: Floats) -> None:
         """Write a scan into map p as seen from pose p of (N, 3): end points (m, 2), lidar (2,) in the robot's frame."""
+        self._catch_up()
+        self._write(poses, points, lidar_position)
+
+    def write_beside(self, worker: Worker, poses: Floats, points: Floats, lidar_position: Floats) -> None:
+        """:meth:`write` on the ``worker``'s other thread: whoever looks at the maps has the scan, and waits for it.
+
+        The arrays must not change any more.
+        """
+        self._catch_up()
+        self._writing = worker.submit(partial(self._write, poses, points, lidar_position))
+        if worker.alone:
+            self._catch_up()
+
+    def _catch_up(self) -> None:
+        """Have everything written."""
+        if self._writing is not None:
+            self._writing.result()
+            self._writing = None
+
+    def _write(self, poses: Floats, points: Floats, lidar_position: Floats) -> None:
         if len(points) == 0:
             return
         farthest = max(float(np.hypot(points[:, 0], points[:, 1]).max()), float(np.hypot(*lidar_position)))
@@ -87,16 +131,16 @@ class TileMaps:
         c, written = self.settings, 0
         while True:
             written = write_scans(
-                self.table,
-                self.log_odds,
-                self.field,
+                self._table,
+                self._log_odds,
+                self._field,
                 self._references,
                 self._free,
                 self._free_count,
                 poses,
                 points,
                 lidar_position,
-                self.origin,
+                self._origin,
                 self.cell,
                 self._kernel,
                 c.log_odds_hit,
@@ -112,7 +156,8 @@ class TileMaps:
 
     def resample(self, parents: NDArray[np.intp]) -> None:
         """Map p becomes a descendant of map ``parents[p]`` (N,)."""
-        self.table = self.table[parents]
+        self._catch_up()
+        self._table = self._table[parents]
         self._count_references()
 
     def spread(self, count: int) -> None:
@@ -141,28 +186,28 @@ class TileMaps:
 
     def _reach(self, lowest: Floats, highest: Floats) -> None:
         """Grow the tables until the world box from ``lowest`` to ``highest`` (x, y) m lies inside."""
-        top_left = np.floor(np.array([-highest[1], lowest[0]]) / self.cell).astype(np.int64) + self.origin
-        bottom_right = np.floor(np.array([-lowest[1], highest[0]]) / self.cell).astype(np.int64) + self.origin
+        top_left = np.floor(np.array([-highest[1], lowest[0]]) / self.cell).astype(np.int64) + self._origin
+        bottom_right = np.floor(np.array([-lowest[1], highest[0]]) / self.cell).astype(np.int64) + self._origin
         before = np.where(top_left < 0, -(top_left >> BITS) + 2, 0)
-        after = np.maximum(0, (bottom_right >> BITS) + 1 - self.table.shape[1:])
+        after = np.maximum(0, (bottom_right >> BITS) + 1 - self._table.shape[1:])
         after = np.where(after > 0, after + 2, 0)
         if before.any() or after.any():
-            self.table = np.pad(self.table, ((0, 0), *zip(before.tolist(), after.tolist(), strict=True)))
-            self.origin = self.origin + before * SIZE
+            self._table = np.pad(self._table, ((0, 0), *zip(before.tolist(), after.tolist(), strict=True)))
+            self._origin = self._origin + before * SIZE
 
     def _add_tiles(self) -> None:
-        more = len(self.log_odds)
-        self.log_odds = enlarged(self.log_odds, more)
-        self.field = enlarged(self.field, more)  # one after the other: an old pool goes before the next new one comes
+        more = len(self._log_odds)
+        self._log_odds = enlarged(self._log_odds, more)
+        self._field = enlarged(self._field, more)  # one after the other: an old pool goes before the next new one comes
         self._references = np.concatenate([self._references, np.zeros(more, np.int32)])
         self._count_references()
 
     def _count_references(self) -> None:
-        self._references = np.bincount(self.table.ravel(), minlength=len(self.log_odds)).astype(np.int32)
+        self._references = np.bincount(self._table.ravel(), minlength=len(self._log_odds)).astype(np.int32)
         unused = self._references == 0
         unused[0] = False
         free = np.flatnonzero(unused)[::-1].astype(np.int32)
-        self._free = np.zeros(len(self.log_odds), np.int32)
+        self._free = np.zeros(len(self._log_odds), np.int32)
         self._free[: len(free)] = free
         self._free_count = np.array([len(free)], np.int64)
 
