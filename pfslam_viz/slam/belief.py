@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz.slam import kernels
-from pfslam_viz.slam.protocol import Estimate, Kept, LoopClosure, Match, Revision
+from pfslam_viz.slam.protocol import Estimate, Kept, LoopClosure, Match, Revision, Scan
 
 Array = NDArray[np.float64]
 
@@ -45,6 +45,10 @@ class Belief:
     def kept(self) -> Kept | None:
         """None: who keeps one map settles nothing in hindsight."""
         return None
+
+    def prepare(self, scan: Scan) -> Scan:
+        """The scan as it is: who matches it with a map has nothing to make of it before."""
+        return scan
 
     def revise(self) -> Revision | None:
         """None: who keeps one map cannot take back what was written into it."""

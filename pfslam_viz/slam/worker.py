@@ -32,8 +32,10 @@ class Task(Generic[T]):
         """Do it, unless somebody has begun."""
         if not self._begun.acquire(blocking=False):
             return
+        work = self._work
+        del self._work  # what it holds may go when it is done, however long the task is remembered
         try:
-            self._value = self._work()
+            self._value = work()
         except BaseException as error:
             self._error = error
         finally:

@@ -14,7 +14,7 @@ from pfslam_viz.slam.graph.odometry_errors import OdometryErrors
 from pfslam_viz.slam.graph.pose_graph import turned
 from pfslam_viz.slam.graph.revision import Reviser
 from pfslam_viz.slam.graph.scan_matching import open_direction
-from pfslam_viz.slam.graph.scan_store import Matches, ScanStore
+from pfslam_viz.slam.graph.scan_store import Described, Matches, ScanStore
 from pfslam_viz.slam.graph.settings import GraphConfig
 from pfslam_viz.slam.graph.smoothing import Smoother
 from pfslam_viz.slam.graph.walls import within
@@ -88,6 +88,10 @@ class RaoBlackwellizedFilter(Belief):
         """The most likely particle's map."""
         return self._grid
 
+    def prepare(self, scan: Scan) -> Scan:
+        """The scan with the walls in it."""
+        return replace(scan, prepared=self._described(scan))
+
     def predict(self, increment: Array, dt: float, known: bool = True) -> None:
         """Carry every particle along with the odometry; its noise is sampled when a scan is used.
 
@@ -148,7 +152,11 @@ class RaoBlackwellizedFilter(Belief):
     def _remember(self, scan: Scan) -> None:
         if len(self._scans) == 0:
             self._scans = ScanStore(scan.lidar_position, self.config.scan_matching, self._worker)
-        self._scans.add(within(scan.points, scan.lidar_position, self._settings.max_range))
+        self._scans.add(scan.prepared or self._described(scan))
+
+    def _described(self, scan: Scan) -> Described:
+        points = within(scan.points, scan.lidar_position, self._settings.max_range)
+        return Described.of(points, scan.lidar_position, self.config.scan_matching)
 
     def _unseen_by_wheels(self, motion: Motion) -> bool:
         """Whether the scans have moved on by more than makes a key scan though the odometry says less."""
@@ -236,12 +244,13 @@ class RaoBlackwellizedFilter(Belief):
         spread = np.array([s.sample_distance, s.sample_angle])
         normals = self._rng.standard_normal((n, s.samples, 3))
         maps = self._maps
+        table, field, origin = maps.table, maps.field, maps.origin  # before there are two threads
 
         def part(k: slice) -> tuple[Array, Array]:
             return propose(
-                maps.table[k],
-                maps.field,
-                maps.origin,
+                table[k],
+                field,
+                origin,
                 maps.cell,
                 points,
                 s.temper,

@@ -61,7 +61,8 @@ class TileSettings:
 class TileMaps:
     """N maps on one world grid whose rows run down and columns right, as in :class:`OccupancyGrid`.
 
-    A scan may be written beside what else is done (:meth:`write_beside`); whoever looks at the maps has it.
+    A scan may be written beside what else is done (:meth:`write_beside`). Whoever looks at the maps has it; only one
+    thread may look.
     """
 
     def __init__(self, count: int, settings: TileSettings) -> None:
@@ -75,7 +76,8 @@ class TileMaps:
         self._threshold = np.float32(settings.threshold)
         self._references = np.zeros(FIRST_TILES, np.int32)
         self._count_references()
-        self._writing: Task[None] | None = None
+        self._writing: Task[int] | None = None  # what the other thread does,
+        self._written: tuple[Floats, Floats, Floats]  # and with which scan
 
     @property
     def table(self) -> Index:
@@ -104,55 +106,64 @@ class TileMaps:
     def write(self, poses: Floats, points: Floats, lidar_position: Floats) -> None:
         """Write a scan into map p as seen from pose p of (N, 3): end points (m, 2), lidar (2,) in the robot's frame."""
         self._catch_up()
-        self._write(poses, points, lidar_position)
+        self._make_room(poses, points, lidar_position)
+        self._write_rest(0, poses, points, lidar_position)
 
     def write_beside(self, worker: Worker, poses: Floats, points: Floats, lidar_position: Floats) -> None:
         """:meth:`write` on the ``worker``'s other thread: whoever looks at the maps has the scan, and waits for it.
 
         The arrays must not change any more.
         """
-        self._catch_up()
-        self._writing = worker.submit(partial(self._write, poses, points, lidar_position))
         if worker.alone:
-            self._catch_up()
+            return self.write(poses, points, lidar_position)
+        self._catch_up()
+        self._make_room(poses, points, lidar_position)
+        self._writing = worker.submit(partial(self._write_from, 0, poses, points, lidar_position))
+        self._written = poses, points, lidar_position
+        return None
 
     def _catch_up(self) -> None:
         """Have everything written."""
         if self._writing is not None:
-            self._writing.result()
-            self._writing = None
+            done, self._writing = self._writing.result(), None
+            self._write_rest(done, *self._written)
 
-    def _write(self, poses: Floats, points: Floats, lidar_position: Floats) -> None:
-        if len(points) == 0:
-            return
-        farthest = max(float(np.hypot(points[:, 0], points[:, 1]).max()), float(np.hypot(*lidar_position)))
-        span = farthest + (self.settings.reach + 2) * self.cell
-        self._reach(poses[:, :2].min(axis=0) - span, poses[:, :2].max(axis=0) + span)
-        c, written = self.settings, 0
-        while True:
-            written = write_scans(
-                self._table,
-                self._log_odds,
-                self._field,
-                self._references,
-                self._free,
-                self._free_count,
-                poses,
-                points,
-                lidar_position,
-                self._origin,
-                self.cell,
-                self._kernel,
-                c.log_odds_hit,
-                c.log_odds_miss,
-                c.log_odds_bound,
-                self._threshold,
-                1 + (len(points) - 1) // c.free_beams,
-                written,
-            )
-            if written == len(poses):
-                return
+    def _make_room(self, poses: Floats, points: Floats, lidar_position: Floats) -> None:
+        if len(points):
+            farthest = max(float(np.hypot(points[:, 0], points[:, 1]).max()), float(np.hypot(*lidar_position)))
+            span = farthest + (self.settings.reach + 2) * self.cell
+            self._reach(poses[:, :2].min(axis=0) - span, poses[:, :2].max(axis=0) + span)
+
+    def _write_rest(self, done: int, poses: Floats, points: Floats, lidar_position: Floats) -> None:
+        """Write into the maps from ``done`` on, with more tiles where they run short."""
+        while (done := self._write_from(done, poses, points, lidar_position)) < len(poses):
             self._add_tiles()
+
+    def _write_from(self, first: int, poses: Floats, points: Floats, lidar_position: Floats) -> int:
+        """Write into the maps from ``first`` on; how many are done when the free tiles run short."""
+        if len(points) == 0 or first == len(poses):
+            return len(poses)
+        c = self.settings
+        return write_scans(
+            self._table,
+            self._log_odds,
+            self._field,
+            self._references,
+            self._free,
+            self._free_count,
+            poses,
+            points,
+            lidar_position,
+            self._origin,
+            self.cell,
+            self._kernel,
+            c.log_odds_hit,
+            c.log_odds_miss,
+            c.log_odds_bound,
+            self._threshold,
+            1 + (len(points) - 1) // c.free_beams,
+            first,
+        )
 
     def resample(self, parents: NDArray[np.intp]) -> None:
         """Map p becomes a descendant of map ``parents[p]`` (N,)."""
