@@ -201,4 +201,6 @@ class ScanStore:
             )
 
         found = self.worker.split(part, len(references), worth=100)
+        if len(found) == 1:
+            return Matches(*found[0])
         return Matches(*(np.concatenate(values) for values in zip(*found, strict=True)))

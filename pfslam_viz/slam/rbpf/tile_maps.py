@@ -77,7 +77,8 @@ class TileMaps:
         self._references = np.zeros(FIRST_TILES, np.int32)
         self._count_references()
         self._writing: Task[int] | None = None  # what the other thread does,
-        self._written: tuple[Floats, Floats, Floats]  # and with which scan
+        self._written: tuple[Floats, Floats, Floats]  # with which scan,
+        self._parents: NDArray[np.intp] | None = None  # and whose descendants the maps become then
 
     @property
     def table(self) -> Index:
@@ -124,9 +125,13 @@ class TileMaps:
 
     def _catch_up(self) -> None:
         """Have everything written."""
-        if self._writing is not None:
-            done, self._writing = self._writing.result(), None
-            self._write_rest(done, *self._written)
+        if self._writing is None:
+            return
+        done, self._writing = self._writing.result(), None
+        self._write_rest(done, *self._written)
+        if self._parents is not None:
+            parents, self._parents = self._parents, None
+            self.resample(parents)
 
     def _make_room(self, poses: Floats, points: Floats, lidar_position: Floats) -> None:
         if len(points):
@@ -167,6 +172,9 @@ class TileMaps:
 
     def resample(self, parents: NDArray[np.intp]) -> None:
         """Map p becomes a descendant of map ``parents[p]`` (N,)."""
+        if self._writing is not None and self._parents is None:
+            self._parents = parents  # when the scan is written
+            return
         self._catch_up()
         self._table = self._table[parents]
         self._count_references()
