@@ -282,7 +282,7 @@ class RaoBlackwellizedFilter(Belief):
         """Every particle writes a key scan into its own map, beside what comes until somebody looks at it."""
         if self._keyed:
             points = self._scans.points_of(len(self._scans) - 1)
-            self._maps.write_beside(self._worker, self._particles, points, scan.lidar_position)
+            self._maps.write_beside(self._worker, self._particles, points, scan.lidar_position, self._leader)
             self._grid.follow(self._leader)
 
     def resample(self) -> None:

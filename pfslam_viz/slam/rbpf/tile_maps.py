@@ -19,6 +19,8 @@ from pfslam_viz.slam.rbpf.tile_kernels import BITS, SIZE, Field, Floats, Index, 
 from pfslam_viz.slam.tiles import Box, Tiled, enlarged
 from pfslam_viz.slam.worker import Task, Worker
 
+Ranges = list[tuple[int, int]]
+
 FIRST_TILES = 256
 
 
@@ -76,9 +78,10 @@ class TileMaps:
         self._threshold = np.float32(settings.threshold)
         self._references = np.zeros(FIRST_TILES, np.int32)
         self._count_references()
-        self._writing: Task[int] | None = None  # what the other thread does,
-        self._written: tuple[Floats, Floats, Floats]  # with which scan,
-        self._parents: NDArray[np.intp] | None = None  # and whose descendants the maps become then
+        self._writing: Task[Ranges] | None = None  # what the other thread does,
+        self._written: tuple[Floats, Floats, Floats]  # with which scan;
+        self._ready = 0  # the one map that has it already,
+        self._parents: NDArray[np.intp] | None = None  # and whose descendants the maps become when all have it
 
     @property
     def table(self) -> Index:
@@ -108,30 +111,44 @@ class TileMaps:
         """Write a scan into map p as seen from pose p of (N, 3): end points (m, 2), lidar (2,) in the robot's frame."""
         self._catch_up()
         self._make_room(poses, points, lidar_position)
-        self._write_rest(0, poses, points, lidar_position)
+        self._write_all([(0, len(poses))], poses, points, lidar_position)
 
-    def write_beside(self, worker: Worker, poses: Floats, points: Floats, lidar_position: Floats) -> None:
-        """:meth:`write` on the ``worker``'s other thread: whoever looks at the maps has the scan, and waits for it.
+    def write_beside(
+        self, worker: Worker, poses: Floats, points: Floats, lidar_position: Floats, before: int = 0
+    ) -> None:
+        """:meth:`write`, but all maps except the one ``before`` on the ``worker``'s other thread.
 
-        The arrays must not change any more.
+        Who looks at that one map, or at a descendant of it, need not wait for the others. The arrays must not change
+        any more.
         """
         if worker.alone:
-            return self.write(poses, points, lidar_position)
+            self.write(poses, points, lidar_position)
+            return
         self._catch_up()
         self._make_room(poses, points, lidar_position)
-        self._writing = worker.submit(partial(self._write_from, 0, poses, points, lidar_position))
-        self._written = poses, points, lidar_position
-        return None
+        self._write_all([(before, before + 1)], poses, points, lidar_position)
+        others = [(0, before), (before + 1, len(poses))]
+        self._ready, self._written = before, (poses, points, lidar_position)
+        self._writing = worker.submit(partial(self._write_some, others, *self._written))
 
     def _catch_up(self) -> None:
         """Have everything written."""
         if self._writing is None:
             return
-        done, self._writing = self._writing.result(), None
-        self._write_rest(done, *self._written)
+        left, self._writing = self._writing.result(), None
+        self._write_all(left, *self._written)
         if self._parents is not None:
             parents, self._parents = self._parents, None
             self.resample(parents)
+
+    def _table_of(self, index: int) -> Index:
+        """One map's table, as soon as it is written."""
+        now = index if self._parents is None else int(self._parents[index])
+        if now != self._ready:
+            self._catch_up()
+            now = index
+        table: Index = self._table[now]
+        return table
 
     def _make_room(self, poses: Floats, points: Floats, lidar_position: Floats) -> None:
         if len(points):
@@ -139,36 +156,40 @@ class TileMaps:
             span = farthest + (self.settings.reach + 2) * self.cell
             self._reach(poses[:, :2].min(axis=0) - span, poses[:, :2].max(axis=0) + span)
 
-    def _write_rest(self, done: int, poses: Floats, points: Floats, lidar_position: Floats) -> None:
-        """Write into the maps from ``done`` on, with more tiles where they run short."""
-        while (done := self._write_from(done, poses, points, lidar_position)) < len(poses):
+    def _write_all(self, maps: Ranges, poses: Floats, points: Floats, lidar_position: Floats) -> None:
+        """Write into ranges of ``maps``, with more tiles where they run short."""
+        while maps := self._write_some(maps, poses, points, lidar_position):
             self._add_tiles()
 
-    def _write_from(self, first: int, poses: Floats, points: Floats, lidar_position: Floats) -> int:
-        """Write into the maps from ``first`` on; how many are done when the free tiles run short."""
-        if len(points) == 0 or first == len(poses):
-            return len(poses)
+    def _write_some(self, maps: Ranges, poses: Floats, points: Floats, lidar_position: Floats) -> Ranges:
+        """Write into ranges of ``maps``; those that are left when the free tiles run short."""
         c = self.settings
-        return write_scans(
-            self._table,
-            self._log_odds,
-            self._field,
-            self._references,
-            self._free,
-            self._free_count,
-            poses,
-            points,
-            lidar_position,
-            self._origin,
-            self.cell,
-            self._kernel,
-            c.log_odds_hit,
-            c.log_odds_miss,
-            c.log_odds_bound,
-            self._threshold,
-            1 + (len(points) - 1) // c.free_beams,
-            first,
-        )
+        for k, (first, end) in enumerate(maps):
+            if len(points) == 0 or first == end:
+                continue
+            done = write_scans(
+                self._table[first:end],
+                self._log_odds,
+                self._field,
+                self._references,
+                self._free,
+                self._free_count,
+                poses[first:end],
+                points,
+                lidar_position,
+                self._origin,
+                self.cell,
+                self._kernel,
+                c.log_odds_hit,
+                c.log_odds_miss,
+                c.log_odds_bound,
+                self._threshold,
+                1 + (len(points) - 1) // c.free_beams,
+                0,
+            )
+            if done < end - first:
+                return [(first + done, end), *maps[k + 1 :]]
+        return []
 
     def resample(self, parents: NDArray[np.intp]) -> None:
         """Map p becomes a descendant of map ``parents[p]`` (N,)."""
@@ -185,23 +206,23 @@ class TileMaps:
 
     def project(self, index: int, pose: Floats, points: Floats) -> tuple[Floats, NDArray[np.bool_]]:
         """End points (m, 2) in the world from ``pose`` (3,), and whether each falls on an occupied cell of one map."""
-        return project(self.table[index], self.log_odds, self.origin, self.cell, self._threshold, pose, points)
+        return project(self._table_of(index), self._log_odds, self._origin, self.cell, self._threshold, pose, points)
 
     def log_odds_of(self, index: int) -> tuple[Field, tuple[int, int]]:
         """One map's log-odds (rows, columns) as an array of its own, and the row and column of the world's origin."""
-        return join(self.table[index], self.log_odds), (int(self.origin[0]), int(self.origin[1]))
+        return join(self._table_of(index), self._log_odds), (int(self._origin[0]), int(self._origin[1]))
 
     def box(self) -> Box:
         """First row and column, last row and column that the maps have room for, from the world origin's cell."""
-        (row, column), (rows, columns) = self.origin.tolist(), self.table.shape[1:]
+        (row, column), (rows, columns) = self._origin.tolist(), self._table.shape[1:]
         return -row, -column, rows * SIZE - row - 1, columns * SIZE - column - 1
 
     def tiled(self, index: int) -> Tiled:
         """One map's log-odds in tiles, without a copy."""
-        table = self.table[index]
+        table = self._table_of(index)
         rows, columns = np.nonzero(table)
-        origin = self.origin // SIZE
-        return Tiled(rows - origin[0], columns - origin[1], table[rows, columns], self.log_odds)
+        origin = self._origin // SIZE
+        return Tiled(rows - origin[0], columns - origin[1], table[rows, columns], self._log_odds)
 
     def _reach(self, lowest: Floats, highest: Floats) -> None:
         """Grow the tables until the world box from ``lowest`` to ``highest`` (x, y) m lies inside."""

@@ -447,6 +447,31 @@ def test_a_scan_written_beside_is_there_for_whoever_looks() -> None:
     assert_consistent(apart)
 
 
+def test_nobody_waits_for_the_map_that_is_written_before_the_others() -> None:
+    """Nor for its descendant; the others are there for whoever asks, though the other thread never gets to them."""
+    rng = np.random.default_rng(6)
+    poses, points = random_poses(rng, 3), random_scan(rng)
+    whole, maps = TileMaps(3, config()), TileMaps(3, config())
+    whole.write(poses, points, SENSOR)
+    worker, held = Worker(2), Event()
+    worker.submit(held.wait)
+    maps.write_beside(worker, poses, points, SENSOR, before=1)
+    ends = geometry.transform(poses[1], points)
+    for at in (1, 2):
+        np.testing.assert_array_equal(maps.project(at, np.zeros(3), ends)[1], whole.project(1, np.zeros(3), ends)[1])
+        np.testing.assert_array_equal(maps.log_odds_of(at)[0], whole.log_odds_of(1)[0])
+        assert maps._writing is not None
+        if at == 1:
+            maps.resample(np.array([0, 0, 1]))
+    whole.resample(np.array([0, 0, 1]))
+    for index in (0, 1, 2):
+        np.testing.assert_array_equal(maps.log_odds_of(index)[0], whole.log_odds_of(index)[0])
+    assert maps._writing is None and whole.log_odds_of(0)[0].any()
+    assert_consistent(maps)
+    held.set()
+    worker.close()
+
+
 def test_agreement_equals_its_twin() -> None:
     """On 3 x 4 tiles of random numbers, some of them the empty tile: within, over borders and corners, outside."""
     rng = np.random.default_rng(3)
