@@ -109,7 +109,7 @@ def line_columns(groups: Sequence[Strips], z: float, colors: NDArray[np.uint32] 
 
 
 def _line_columns(points: Points, lengths: Any, counts: Any, z: float, colors: NDArray[np.uint32] | None = None) -> Any:
-    """The same of ``points`` (m, 2), one polyline after the other: 0 and the ``lengths``, and how many a row (``counts``)."""
+    """The same of ``points`` (m, 2), polyline after polyline: 0 and the ``lengths``, and ``counts``, how many a row."""
     data_type = rr.components.LineStrip3DBatch._ARROW_DATATYPE
     flat = lifted(points, z)
     inner = pa.FixedSizeListArray.from_arrays(pa.array(flat.ravel()), type=data_type.value_type)
