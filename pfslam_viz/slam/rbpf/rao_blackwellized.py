@@ -30,7 +30,7 @@ from pfslam_viz.slam.worker import Worker
 
 Array = NDArray[np.float64]
 
-PIECES = 5  # in which particles are shared with the other thread: the fewer there are, the longer one waits for it
+PIECES = 10  # in which particles are shared with the other thread: the fewer there are, the longer one waits for it
 
 
 @dataclass(frozen=True, slots=True)
