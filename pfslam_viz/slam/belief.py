@@ -56,8 +56,13 @@ class Belief:
 
     def estimate(self) -> Estimate:
         """The belief after the scan, from the particles as they were weighed (before resampling)."""
+        return self._estimate()
+
+    def _estimate(self, drift: Array | None = None) -> Estimate:
+        """The same, with what all particles may have drifted by, a covariance (3, 3)."""
         particles, weights = self._weighed
         mean, covariance, n_eff = kernels.moments(particles, weights)
+        covariance = covariance if drift is None else covariance + drift
         return Estimate(
             particles=particles,
             weights=weights,

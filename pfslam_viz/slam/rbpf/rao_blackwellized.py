@@ -1,7 +1,7 @@
 """The filter with a map per particle: Rao-Blackwellized SLAM (Doucet et al. 2000; Grisetti et al. 2007)."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,7 +90,7 @@ class RaoBlackwellizedFilter(Belief):
 
     def prepare(self, scan: Scan) -> Scan:
         """The scan with the walls in it."""
-        return replace(scan, prepared=self._described(scan))
+        return Scan(scan.index, scan.stamp, scan.points, scan.lidar_position, self._described(scan))
 
     def predict(self, increment: Array, dt: float, known: bool = True) -> None:
         """Carry every particle along with the odometry; its noise is sampled when a scan is used.
@@ -303,8 +303,7 @@ class RaoBlackwellizedFilter(Belief):
 
     def estimate(self) -> Estimate:
         """The belief after the scan; its covariance is in the frame of the first pose, drift included."""
-        own = super().estimate()
-        return replace(own, covariance=own.covariance + self._drift.covariance)
+        return self._estimate(self._drift.covariance)
 
     def trajectory(self) -> Array:
         """(n, 3) the most likely particle's whole history, smoothed once all scans are in."""
