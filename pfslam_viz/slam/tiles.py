@@ -92,14 +92,12 @@ class Tiled:
             return self._band(box)
         out = np.empty((bottom - top + 1, right - left + 1, *self.pool.shape[3:]), self.pool.dtype)
         for first in range(top, bottom + 1, BAND):
-            last = min(first + BAND - 1, bottom)
-            out[first - top : last - top + 1] = self._band((first, left, last, right))
+            out[first - top : first - top + BAND] = self._band((first, left, min(first + BAND - 1, bottom), right))
         return out
 
     def _band(self, box: Box) -> NDArray[Any]:
         """The same of a box that is not high: all its tiles are copied at once."""
-        top, left, bottom, right = box
-        n, more = self.size, self.pool.shape[3:]
+        (top, left, bottom, right), n, more = box, self.size, self.pool.shape[3:]
         first_row, first_column = top // n, left // n
         rows, columns = bottom // n - first_row + 1, right // n - first_column + 1
         row, column = self.rows - first_row, self.columns - first_column
