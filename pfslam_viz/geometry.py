@@ -15,9 +15,30 @@ def wrap(angle: ArrayLike) -> Array:
     return (np.asarray(angle, dtype=np.float64) + np.pi) % (2.0 * np.pi) - np.pi
 
 
+# Single poses in plain numbers: a quarter of the time, and the same to the last place. Cosine and sine are NumPy's: the
+# math module's may differ there.
+
+
+def _compose_one(x: float, y: float, heading: float, ahead: float, aside: float, turn: float) -> Array:
+    c, s = float(np.cos(heading)), float(np.sin(heading))
+    return np.array([x + c * ahead - s * aside, y + s * ahead + c * aside, _wrap_one(heading + turn)])
+
+
+def _between_one(x: float, y: float, heading: float, to_x: float, to_y: float, to_heading: float) -> Array:
+    c, s = float(np.cos(heading)), float(np.sin(heading))
+    dx, dy = to_x - x, to_y - y
+    return np.array([c * dx + s * dy, -s * dx + c * dy, _wrap_one(to_heading - heading)])
+
+
+def _wrap_one(angle: float) -> float:
+    return (angle + np.pi) % (2.0 * np.pi) - np.pi
+
+
 def compose(pose: ArrayLike, increment: ArrayLike) -> Array:
     """The pose reached from ``pose`` by ``increment``, which is given in the frame of ``pose`` (SE(2) product)."""
     a, b = np.asarray(pose, dtype=np.float64), np.asarray(increment, dtype=np.float64)
+    if a.ndim == b.ndim == 1:
+        return _compose_one(*a.tolist(), *b.tolist())
     c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
     return np.stack(
         [
@@ -32,6 +53,8 @@ def compose(pose: ArrayLike, increment: ArrayLike) -> Array:
 def between(start: ArrayLike, end: ArrayLike) -> Array:
     """The increment that leads from pose ``start`` to pose ``end``, in the frame of ``start``: start⁻¹ ⊕ end."""
     a, b = np.asarray(start, dtype=np.float64), np.asarray(end, dtype=np.float64)
+    if a.ndim == b.ndim == 1:
+        return _between_one(*a.tolist(), *b.tolist())
     c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
     dx, dy = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
     return np.stack([c * dx + s * dy, -s * dx + c * dy, wrap(b[..., 2] - a[..., 2])], axis=-1)

@@ -18,7 +18,8 @@ from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.slam.backends import make_slam
 from pfslam_viz.slam.background_grid import BackgroundGrid
 from pfslam_viz.slam.occupancy_grid import OccupancyGrid
-from pfslam_viz.slam.protocol import Kept, LoopClosure, Slam
+from pfslam_viz.slam.protocol import Kept, LoopClosure, Scan, Slam
+from pfslam_viz.slam.read_ahead import ReadAhead
 from pfslam_viz.slam.scan_reader import ScanReader
 from pfslam_viz.slam.worker import Worker, cores
 from pfslam_viz.step import Step
@@ -111,7 +112,7 @@ class Replay:
         """Prepare to replay ``recording`` under ``config``.
 
         Without ``texture``, the floor is not painted, whatever the configuration and the recording hold. With 2
-        ``threads``, a second one writes dead reckoning's map and helps to weigh the particles; None takes 2 if there
+        ``threads``, a second one reads scans ahead, writes maps and helps to weigh the particles; None takes 2 if there
         are as many cores. The results do not depend on it.
 
         A recording that was not checked is checked now: ``self.recording`` is what was made of it. Raises InputError
@@ -171,10 +172,15 @@ class Replay:
             recording.times,
             None if reader.beam_times is None else twists_of(recording.odometry, recording.stamps),
         )
+
+        def read(k: int) -> Scan:
+            motion = None if twists is None else twists[k : k + 2]
+            return slam.prepare(reader.read(k, float(recording.stamps[k]), recording.ranges[k], motion))
+
+        scans = ReadAhead(read, self._done, len(recording), self._worker)
         for k in range(self._done, len(recording)):
             clock = _Clock(self._seconds, k)
-            motion = None if twists is None else twists[k : k + 2]
-            scan = reader.read(k, float(recording.stamps[k]), recording.ranges[k], motion)
+            scan = scans.take()
             reckoned = self._dead_reckoning[k]
             if k > 0:  # the first scan is at the origin
                 known = recording.odometry_known is None or bool(recording.odometry_known[k])

@@ -46,6 +46,17 @@ def test_compose_broadcasts_one_increment_over_many_poses() -> None:
     np.testing.assert_allclose(geometry.compose(poses, [0.3, 0.1, 0.2])[4], geometry.compose(poses[4], [0.3, 0.1, 0.2]))
 
 
+def test_single_poses_are_worked_out_as_many_are() -> None:
+    """Far and near, over the seam of the heading, at rest, and without a number."""
+    rng = np.random.default_rng(8)
+    a, b = rng.normal(0.0, 20.0, (500, 3)), rng.normal(0.0, 20.0, (500, 3))
+    a[::7, 2], b[::5] = np.pi, 0.0
+    b[::9, 2], a[::11], a[3, 0], b[4, 1] = -np.pi, b[::11], np.nan, np.inf
+    for of in (geometry.compose, geometry.between):
+        one_by_one = np.array([of(start, end) for start, end in zip(a, b, strict=True)])
+        np.testing.assert_array_equal(one_by_one, of(a, b))
+
+
 def test_between_undoes_compose_and_inverse_is_its_own() -> None:
     a, b = random_poses(20, 3), random_poses(20, 4)
     np.testing.assert_allclose(geometry.compose(a, geometry.between(a, b)), b, atol=1e-12)

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz.slam import kernels
-from pfslam_viz.slam.protocol import Estimate, Kept, LoopClosure, Match, Revision
+from pfslam_viz.slam.protocol import Estimate, Kept, LoopClosure, Match, Revision, Scan
 
 Array = NDArray[np.float64]
 
@@ -46,14 +46,23 @@ class Belief:
         """None: who keeps one map settles nothing in hindsight."""
         return None
 
+    def prepare(self, scan: Scan) -> Scan:
+        """The scan as it is: who matches it with a map has nothing to make of it before."""
+        return scan
+
     def revise(self) -> Revision | None:
         """None: who keeps one map cannot take back what was written into it."""
         return None
 
     def estimate(self) -> Estimate:
         """The belief after the scan, from the particles as they were weighed (before resampling)."""
+        return self._estimate()
+
+    def _estimate(self, drift: Array | None = None) -> Estimate:
+        """The same, with what all particles may have drifted by, a covariance (3, 3)."""
         particles, weights = self._weighed
         mean, covariance, n_eff = kernels.moments(particles, weights)
+        covariance = covariance if drift is None else covariance + drift
         return Estimate(
             particles=particles,
             weights=weights,

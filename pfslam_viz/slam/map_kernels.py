@@ -173,10 +173,12 @@ def known_tiles(values: NDArray[np.float32], above: int, before: int, size: int)
     for i in range(rows):
         down = (i + above) // size
         for right in range(out.shape[1]):
+            if out[down, right]:
+                continue
             known = False
             for j in range(max(right * size - before, 0), min((right + 1) * size - before, columns)):
                 known |= values[i, j] != np.float32(0.0)
-            out[down, right] |= known
+            out[down, right] = known
     return out
 
 

@@ -1,7 +1,7 @@
 """What replay asks of a SLAM back end, and what it answers: back ends are interchangeable behind this."""
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +16,15 @@ class Scan:
     """One lidar scan, cut to its usable beams.
 
     ``points`` (m, 2) float64 are the end points in the robot's frame, m, (22) with the lidar's position on the robot;
-    ``lidar_position`` (2,) is the lidar there. ``index`` and ``stamp`` (s) are the recording's.
+    ``lidar_position`` (2,) is the lidar there. ``index`` and ``stamp`` (s) are the recording's. ``prepared`` is what a
+    back end has made of it already (:meth:`Slam.prepare`), and its own affair.
     """
 
     index: int
     stamp: float
     points: Array
     lidar_position: Array
+    prepared: Any = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +109,7 @@ class Estimate:
 
 
 class Slam(Protocol):
-    """Algorithm 1 of the paper, as four calls a scan and one at the end."""
+    """Algorithm 1 of the paper, as four calls a scan and one at the end; and one before, on another thread."""
 
     @property
     def grid(self) -> OccupancyGrid:
@@ -117,6 +119,10 @@ class Slam(Protocol):
     @property
     def best(self) -> Array:
         """(3,) the most likely particle after the last update."""
+        ...
+
+    def prepare(self, scan: Scan) -> Scan:
+        """The scan with what can be told of it before its turn: called on any thread, and must change nothing else."""
         ...
 
     def predict(self, increment: Array, dt: float, known: bool = True) -> None:

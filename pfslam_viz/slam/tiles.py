@@ -20,7 +20,9 @@ SLACK = 256  # the same of a window, which has to be filled anew when it moves
 MOST = 6_000_000  # cells of dense arrays; a window may need more, up to the next number squared
 WIDEST = 4096  # cells along a window's edge: what lies further from the robot is written into the tiles themselves
 FIRST = 64  # tiles there is room for at first
+BAND = 512  # rows of cells that are put together from tiles at a time: it takes three times their memory
 
+Place = tuple[int, int]  # row and column
 Part = tuple[slice, slice]
 Pad = tuple[tuple[int, int], tuple[int, int]]
 Box = tuple[int, int, int, int]  # first row and column, last row and column, counted from the world origin's cell
@@ -86,15 +88,25 @@ class Tiled:
     def dense(self, box: Box) -> NDArray[Any]:
         """The values of a box of cells as an array of its own; 0 where there is no tile."""
         top, left, bottom, right = box
-        out = np.zeros((bottom - top + 1, right - left + 1, *self.pool.shape[3:]), self.pool.dtype)
-        n = self.size
-        near = (self.rows >= top // n) & (self.rows <= bottom // n)
-        near &= (self.columns >= left // n) & (self.columns <= right // n)
-        for k in np.flatnonzero(near).tolist():
-            first = int(self.rows[k]) * n - top, int(self.columns[k]) * n - left
-            here, there = zip(*(overlap(at, n, size) for at, size in zip(first, out.shape, strict=False)), strict=True)
-            out[here] = self.pool[self.index[k]][there]
+        if bottom - top < BAND:
+            return self._band(box)
+        out = np.empty((bottom - top + 1, right - left + 1, *self.pool.shape[3:]), self.pool.dtype)
+        for first in range(top, bottom + 1, BAND):
+            out[first - top : first - top + BAND] = self._band((first, left, min(first + BAND - 1, bottom), right))
         return out
+
+    def _band(self, box: Box) -> NDArray[Any]:
+        """The same of a box that is not high: all its tiles are copied at once."""
+        (top, left, bottom, right), n, more = box, self.size, self.pool.shape[3:]
+        first_row, first_column = top // n, left // n
+        rows, columns = bottom // n - first_row + 1, right // n - first_column + 1
+        row, column = self.rows - first_row, self.columns - first_column
+        near = np.flatnonzero((row >= 0) & (row < rows) & (column >= 0) & (column < columns))
+        out = np.zeros((rows, n, columns, n, *more), self.pool.dtype)
+        out[row[near], :, column[near]] = self.pool[self.index[near]]
+        whole = out.reshape(rows * n, columns * n, *more)
+        down, across = top - first_row * n, left - first_column * n
+        return np.ascontiguousarray(whole[down : down + bottom - top + 1, across : across + right - left + 1])
 
 
 def overlap(start: int, length: int, size: int) -> tuple[slice, slice]:
@@ -121,7 +133,8 @@ class TiledArrays:
         self.origin = (MARGIN, MARGIN)
         self.windowed = False
         self._pools = {name: np.zeros((0, TILE, TILE, *more), kind) for name, (kind, more) in self._kinds.items()}
-        self._places: dict[tuple[int, int], int] = {}
+        self._places: dict[Place, int] = {}
+        self._parts: tuple[tuple[Place, Place] | None, list[tuple[Place, Part, Part]]] = None, []
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -179,8 +192,13 @@ class TiledArrays:
                     values[here] = self._pools[name][place][there]
         return True
 
-    def _tiles(self) -> Iterator[tuple[tuple[int, int], Part, Part]]:
+    def _tiles(self) -> list[tuple[Place, Part, Part]]:
         """Every tile that the arrays have a part of: which one, where in the arrays that is, and where in the tile."""
+        if self._parts[0] != (self.origin, self.shape):
+            self._parts = (self.origin, self.shape), list(self._find_tiles())
+        return self._parts[1]
+
+    def _find_tiles(self) -> Iterator[tuple[Place, Part, Part]]:
         (row, column), (rows, columns) = self.origin, self.shape
         for i in range(-row // TILE, (rows - row - 1) // TILE + 1):
             down, within = overlap(i * TILE + row, TILE, rows)
@@ -201,7 +219,7 @@ class TiledArrays:
                 for name in names:
                     self._pools[name][place][there] = self.arrays[name][here]
 
-    def _place(self, tile: tuple[int, int]) -> int:
+    def _place(self, tile: Place) -> int:
         """Where in the pools a tile is; room for it is made if it is new."""
         place = self._places.setdefault(tile, len(self._places))
         if place >= len(self._pools[self._known]):
@@ -251,7 +269,7 @@ def _span(first: int, last: int) -> tuple[int, int]:
     return start, -(-(end + 1 - start) // TILE) * TILE
 
 
-def _by_tile(cells: Index) -> Iterator[tuple[tuple[int, int], NDArray[np.intp]]]:
+def _by_tile(cells: Index) -> Iterator[tuple[Place, NDArray[np.intp]]]:
     """The tiles that hold some of the cells (m, 2), and which of the cells each holds."""
     if not len(cells):
         return

@@ -32,8 +32,10 @@ class Task(Generic[T]):
         """Do it, unless somebody has begun."""
         if not self._begun.acquire(blocking=False):
             return
+        work = self._work
+        del self._work  # what it holds may go when it is done, however long the task is remembered
         try:
-            self._value = self._work()
+            self._value = work()
         except BaseException as error:
             self._error = error
         finally:
@@ -49,18 +51,22 @@ class Task(Generic[T]):
 
 
 class Worker:
-    """One thread that helps the caller's. It starts with the first task and ends with :meth:`close`."""
+    """One thread that helps the caller's. It starts with the first task and ends with :meth:`close`.
+
+    Attributes:
+        alone: whether there is no other thread.
+    """
 
     def __init__(self, threads: int = 2) -> None:
         """With fewer than 2 ``threads`` there is no other one: everything is done on the caller's."""
-        self._alone = threads < 2
+        self.alone = threads < 2
         self._tasks: SimpleQueue[Task[Any] | None] = SimpleQueue()
         self._thread: threading.Thread | None = None
 
     def submit(self, work: Callable[[], T]) -> Task[T]:
         """Have the other thread do ``work`` when it has done what came before."""
         task = Task(work)
-        if not self._alone:
+        if not self.alone:
             if self._thread is None:
                 self._thread = threading.Thread(target=self._run, name="pfslam", daemon=True)
                 self._thread.start()
@@ -73,7 +79,7 @@ class Worker:
         This thread takes them from the front, the other one from the back. Fewer than ``worth`` elements are done at
         once, here: waking the other thread takes about 0.1 ms.
         """
-        if self._alone or count < worth:
+        if self.alone or count < worth:
             return [work(slice(0, count))]
         bounds = [k * count // pieces for k in range(pieces + 1)]
         results: dict[int, T] = {}

@@ -1,6 +1,7 @@
 """A map of the floor's colours on the occupancy grid's cells."""
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,21 @@ from pfslam_viz.slam.tiles import Tiled, TiledArrays
 from pfslam_viz.texture.floor_plane import FloorPlane
 from pfslam_viz.texture.kernels import blend, collect, match, merge
 from pfslam_viz.texture.kinect import FloorView
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """What one frame shows of the floor: the sums of :func:`kernels.collect` in a ``patch`` (n, n, 4) of cells.
+
+    Its cell [0, 0] is ``top``, ``left``, counted from the world origin's; ``box`` is the first and last row and column
+    that were seen. ``tilted``: with a plane of its own.
+    """
+
+    patch: NDArray[np.float32]
+    top: int
+    left: int
+    box: tuple[int, int, int, int]
+    tilted: bool
 
 
 class FloorTexture:
@@ -48,8 +64,8 @@ class FloorTexture:
         self._blend = config.blend == "finest"
         kinds: dict[str, Any] = {"weight": (np.float32, ()), "color": (np.uint8, (3,)), "sum": (np.float32, (3,))}
         self._cells = TiledArrays({**kinds, "finest": (np.float32, ())} if self._blend else kinds)
-        side = 2 * math.ceil(self.view.reach / cell) + 3
-        self._patch: NDArray[np.float32] = np.zeros((side, side, 4), np.float32)
+        self._side = 2 * math.ceil(self.view.reach / cell) + 3
+        self._patches: list[NDArray[np.float32]] = []  # all 0, to be used again
 
     @property
     def color(self) -> NDArray[np.uint8]:
@@ -116,24 +132,38 @@ class FloorTexture:
         plane: FloorPlane | None = None,
     ) -> int:
         """The same for images as ``view.crop`` leaves them, and with the frame's own ``plane`` for the floor."""
+        return self.paint(self.look(disparity, color, pose, plane))
+
+    def look(
+        self, disparity: NDArray[np.uint16], color: NDArray[np.uint8], pose: ArrayLike, plane: FloorPlane | None = None
+    ) -> Look:
+        """What such a frame shows of the floor, to be painted: changes nothing, and may be called on any thread."""
         x, y, heading = (float(v) for v in np.asarray(pose, dtype=np.float64))
-        v = self.view
-        if plane is not None:
-            v = v.over(self.camera, plane.pitch, plane.roll, plane.height)
-            self.tilted += 1
+        v = self.view if plane is None else self.view.over(self.camera, plane.pitch, plane.roll, plane.height)
+        try:
+            patch = self._patches.pop()
+        except IndexError:
+            patch = np.zeros((self._side, self._side, 4), np.float32)
         # The patch is a square of cells about the robot; its cell [0, 0] is this far from the world origin's cell.
-        half = self._patch.shape[0] // 2
+        half = self._side // 2
         top, left = math.floor(-y / self.cell) - half, math.floor(x / self.cell) - half
-        first_row, last_row, first_column, last_column = collect(
-            self._patch, top, left, self.cell, disparity, color, x, y, math.cos(heading), math.sin(heading),
+        box = collect(
+            patch, top, left, self.cell, disparity, color, x, y, math.cos(heading), math.sin(heading),
             v.by_row, v.by_column, v.position, v.tolerance, v.max_range,
             v.color_columns, v.color_rows, v.color_shift,
         )  # fmt: skip
+        return Look(patch, top, left, box, plane is not None)
+
+    def paint(self, look: Look) -> int:
+        """Paint what a frame showed; the number of cells it touched. Once for each look, in the frames' order."""
+        top, left, (first_row, last_row, first_column, last_column) = look.top, look.left, look.box
         self.frames += 1
+        self.tilted += look.tilted
         if last_row < first_row:
+            self._patches.append(look.patch)
             return 0
         self._cells.cover(top + first_row, left + first_column, top + last_row, left + last_column)
-        seen = self._patch[first_row : last_row + 1, first_column : last_column + 1]
+        seen = look.patch[first_row : last_row + 1, first_column : last_column + 1]
         row, column = top + first_row + self._cells.origin[0], left + first_column + self._cells.origin[1]
         here = slice(row, row + seen.shape[0]), slice(column, column + seen.shape[1])
         arrays = {name: values[here] for name, values in self._cells.arrays.items()}
@@ -142,5 +172,6 @@ class FloorTexture:
         else:
             gain = match(seen, arrays["sum"], arrays["weight"])
             touched = blend(seen, gain, arrays["sum"], arrays["weight"], arrays["finest"], arrays["color"])
-        seen[:] = 0.0  # for the next frame, which is less than to clear the whole patch
+        seen[:] = 0.0  # for a frame to come, which is less than to clear the whole patch
+        self._patches.append(look.patch)
         return touched

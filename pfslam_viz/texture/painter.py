@@ -1,5 +1,6 @@
 """Feeds the floor texture: pairs colour and disparity frames, finds the pose at which they were taken, reads them."""
 
+from collections import deque
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -13,7 +14,7 @@ from pfslam_viz.recordings.recording import Frames
 from pfslam_viz.settings import TextureConfig
 from pfslam_viz.texture.floor_camera import FloorCamera, find_camera
 from pfslam_viz.texture.floor_plane import FloorPlane
-from pfslam_viz.texture.floor_texture import FloorTexture
+from pfslam_viz.texture.floor_texture import FloorTexture, Look
 from pfslam_viz.texture.frame_plane import own_plane
 from pfslam_viz.texture.kinect import FloorView
 
@@ -23,6 +24,7 @@ View = tuple[NDArray[np.uint16], NDArray[np.uint8], FloorPlane | None]  # and th
 FARTHEST_APART = 0.2  # s between the two frames of a pair; a robot that turns has looked elsewhere by then
 AHEAD = 4  # pairs that are read in advance
 KEPT_BYTES = 192_000_000  # images that wait for the floor to be painted anew: 173 pairs of a Kinect's
+LOOKS = 3  # at frames that wait to be painted, where all poses are known
 READERS = 2  # threads that read: one decodes a pair more slowly than it is painted
 
 
@@ -92,6 +94,8 @@ class TexturePainter:
         self._kept: dict[int, View] = {}
         self._room = KEPT_BYTES if keep else 0
         self._reader: ThreadPoolExecutor | None = None
+        self._beside = 0  # looks at frames that other threads take while earlier ones are painted
+        self._looks: deque[Future[Look]] = deque()
 
     def add_pose(self, stamp: float, pose: ArrayLike) -> tuple[int, int] | None:
         """The robot was at ``pose`` (3,) at ``stamp`` s: paint every frame taken since the pose before.
@@ -117,6 +121,7 @@ class TexturePainter:
         """No more poses: the frames that are left have none."""
         self.skipped.without_pose += len(self.pairs) - self._next
         self._next = len(self.pairs)
+        self._paint_looks()
         self.close()
 
     def close(self) -> None:
@@ -130,6 +135,7 @@ class TexturePainter:
         """Paint anew along a whole trajectory, poses (n, 3) at increasing stamps (n,) s, as known in hindsight."""
         fresh = TexturePainter(self.frames, self.config, self.texture.cell, camera=self.camera)
         fresh._kept, self._kept = self._kept, {}
+        fresh._beside = LOOKS
         for stamp, pose in zip(np.asarray(stamps, np.float64), np.asarray(poses, np.float64), strict=True):
             fresh.add_pose(float(stamp), pose)
         fresh.finish()
@@ -141,9 +147,18 @@ class TexturePainter:
         except UnusableImage as unusable:
             setattr(self.skipped, unusable.reason, getattr(self.skipped, unusable.reason) + 1)
             return False
-        self.texture.add_cropped(disparity, color, pose, plane)
+        if self._beside and self._reader is not None:
+            self._looks.append(self._reader.submit(self.texture.look, disparity, color, pose, plane))
+            self._paint_looks(self._beside)
+        else:
+            self.texture.add_cropped(disparity, color, pose, plane)
         self.painted += 1
         return True
+
+    def _paint_looks(self, left: int = 0) -> None:
+        """Paint what was looked at beside, in order, until so many looks are left."""
+        while len(self._looks) > left:
+            self.texture.paint(self._looks.popleft().result())
 
     def _view_of(self, index: int) -> View:
         """What a pair shows. The next pairs are read meanwhile: decoding costs more than painting."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pfslam_viz.viewer.colors import ERROR_RAMP, WEIGHT_RAMP, Color
 from pfslam_viz.viewer.contents import Boxes, Cells, Content, Lines, Note, Spots
 from pfslam_viz.viewer.scan_batch import Ragged, ScanBatch, stride
-from pfslam_viz.viewer.trail import level_pieces
+from pfslam_viz.viewer.trail import level_strips
 
 Array = NDArray[np.float64]
 Points = NDArray[np.float32]
@@ -97,7 +97,6 @@ def line_columns(groups: Sequence[Strips], z: float, colors: NDArray[np.uint32] 
 
     Rerun's own conversion of one strip at a time is slow.
     """
-    data_type = rr.components.LineStrip3DBatch._ARROW_DATATYPE
     points, lengths = [np.zeros((0, 2), np.float32)], [0]
     for group in groups:
         if isinstance(group, np.ndarray):  # of equal lengths
@@ -106,10 +105,16 @@ def line_columns(groups: Sequence[Strips], z: float, colors: NDArray[np.uint32] 
         else:
             points += group
             lengths += [len(strip) for strip in group]
-    flat = lifted(np.concatenate(points), z)
+    return _line_columns(np.concatenate(points), lengths, [len(group) for group in groups], z, colors)
+
+
+def _line_columns(points: Points, lengths: Any, counts: Any, z: float, colors: NDArray[np.uint32] | None = None) -> Any:
+    """The same of ``points`` (m, 2), polyline after polyline: 0 and the ``lengths``, and ``counts``, how many a row."""
+    data_type = rr.components.LineStrip3DBatch._ARROW_DATATYPE
+    flat = lifted(points, z)
     inner = pa.FixedSizeListArray.from_arrays(pa.array(flat.ravel()), type=data_type.value_type)
     strips = pa.ListArray.from_arrays(pa.array(np.cumsum(lengths).astype(np.int32)), inner, type=data_type)
-    return rr.LineStrips3D.columns(strips=strips, colors=colors).partition([len(group) for group in groups])
+    return rr.LineStrips3D.columns(strips=strips, colors=colors).partition(counts)
 
 
 def strip_columns(values: Sequence[Any], z: float) -> Any:
@@ -119,9 +124,8 @@ def strip_columns(values: Sequence[Any], z: float) -> Any:
 
 def error_columns(values: Sequence[Points], z: float) -> Any:
     """A trajectory (m, 3) a row: x, y and the level of the error there, in ERROR_RAMP, that the way to it shows."""
-    pieces = [level_pieces(v) for v in values]
-    levels = np.array([level for row in pieces for _, level in row], np.intp)
-    return line_columns([[strip for strip, _ in row] for row in pieces], z, _ERROR_RAMP[levels])
+    points, lengths, levels, counts = level_strips(values)
+    return _line_columns(points, [0, *lengths.tolist()], counts.tolist(), z, _ERROR_RAMP[levels])
 
 
 def pose_columns(poses: Array, z: float) -> Any:

@@ -17,6 +17,7 @@ from pfslam_viz.viewer.contents import UNKNOWN, Boxes, Cells, Content
 
 Place = tuple[int, int]  # of a block: row and column, (0, 0) being the one about the world's origin
 Image = NDArray[np.uint8]
+Crop = tuple[slice, slice] | None  # what is known of an image, if anything is
 
 EDGES = (256, 512, 1024, 2048)  # cells along a block's edge: the first one with which there are not too many
 MOST_BLOCKS = 200  # that a map will have, as far as can be foreseen: each costs the viewer a tenth of a millisecond
@@ -57,9 +58,9 @@ class Changes:
         keys = (tiled.rows.astype(np.int64) << 32) + tiled.columns
         order = np.argsort(keys)
         keys, prints = keys[order], prints[order]
-        same = np.isin(keys, self._keys)
-        same[same] = self._prints[np.searchsorted(self._keys, keys[same])] == prints[same]
-        changed = np.concatenate([keys[~same], self._keys[~np.isin(self._keys, keys)]])
+        known, at = _found(keys, self._keys)
+        known[known] = self._prints[at[known]] == prints[known]
+        changed = np.concatenate([keys[~known], self._keys[~_found(self._keys, keys)[0]]])
         self._keys, self._prints = keys, prints
         return self._blocks_of(changed, tiled.size)
 
@@ -96,44 +97,49 @@ class GridBlocks:
         ``draw`` gives the cells of a block: numbers, :data:`UNKNOWN` where nothing is known, or RGBA colours. Where all
         of them are too many bytes, larger cells are drawn; as soon as there is room, or with None, small ones again.
         """
-        drawn: list[tuple[Place, Image]] = []
+        drawn: list[tuple[Place, Image, Crop]] = []
         for block in self.changes.find(tiled):
             image = draw(block)
-            look = hash(image.tobytes()) if _known(image).any() else 0
+            crop = _crop(image)
+            look = hash(image.tobytes()) if crop is not None else 0
             if look != self._looks.get(block, 0):
                 self._looks[block] = look
-                drawn.append((block, image))
-        level, sizes = 0, [_cropped(image)[0].nbytes for _, image in drawn]
-        while allowance is not None and level < COARSEST and sum(sizes) >> (2 * level) > allowance:
+                drawn.append((block, image, crop))
+        level, size = 0, sum(_size(image, crop) for _, image, crop in drawn)
+        while allowance is not None and level < COARSEST and size >> (2 * level) > allowance:
             level += 1
-        out = [self._block(block, image, level) for block, image in drawn]
-        self._coarse.difference_update(block for block, _ in drawn)
+        out = [self._block(block, image, crop, level) for block, image, crop in drawn]
+        self._coarse.difference_update(block for block, _, _ in drawn)
         if level:
             self.coarsened = True
-            self._coarse.update(block for block, _ in drawn)
+            self._coarse.update(block for block, _, _ in drawn)
             return out
-        left = None if allowance is None else allowance - sum(sizes)
+        left = None if allowance is None else allowance - size
         for block in sorted(self._coarse):
             image = draw(block)
-            size = _cropped(image)[0].nbytes
+            crop = _crop(image)
+            size = _size(image, crop)
             if left is not None and size > left:
                 break
             left = None if left is None else left - size
-            out.append(self._block(block, image, 0))
+            out.append(self._block(block, image, crop, 0))
             self._coarse.discard(block)
         return out
 
-    def _block(self, block: Place, image: Image, level: int) -> Block:
+    def _block(self, block: Place, image: Image, crop: Crop, level: int) -> Block:
         """A block's known part, its cells halved ``level`` times; a single unknown cell where nothing is known."""
         top, left, _, _ = self.changes.box(block)
-        if not _known(image).any():
+        if crop is None:
             image, cell = image[:1, :1], self._cell * self.changes.edge
             return Block(
                 _part(block), Cells(image, cell, (left * self._cell, -(top + self.changes.edge) * self._cell, self._z))
             )
-        image = _halved(image, level)
+        if level:
+            image = _halved(image, level)
+            crop = _crop(image) or (slice(0, 1), slice(0, 1))
         cell = self._cell * 2**level
-        image, row, column = _cropped(image)
+        row, column = crop[0].start, crop[1].start
+        image = image[crop]
         x, y = left * self._cell + column * cell, -top * self._cell - (row + len(image)) * cell
         return Block(_part(block), Cells(np.ascontiguousarray(image), cell, (x, y, self._z)))
 
@@ -155,6 +161,15 @@ class WallBlocks:
                 yield Block(_part(block), boxes)
 
 
+def _found(keys: NDArray[np.int64], among: NDArray[np.int64]) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
+    """Which of the ``keys`` (k,) are ``among`` others (n,), all in order and each once, and where; else anywhere."""
+    at = np.searchsorted(among, keys)
+    if not len(among):
+        return np.zeros(len(keys), np.bool_), at
+    at[at == len(among)] = 0
+    return among[at] == keys, at
+
+
 def _part(block: Place) -> str:
     """The part of the path that tells a block from others."""
     return "" if block == (0, 0) else f"{block[0]}_{block[1]}"
@@ -164,13 +179,18 @@ def _known(image: Image) -> NDArray[np.bool_]:
     return np.asarray(image[..., 3] > 0 if image.ndim == 3 else image != UNKNOWN)
 
 
-def _cropped(image: Image) -> tuple[Image, int, int]:
-    """The part of an image that holds everything known, and its first row and column; of one cell where nothing is."""
+def _crop(image: Image) -> Crop:
+    """The rows and columns of an image that hold everything known; None where nothing is."""
     known = _known(image)
     rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
     if not len(rows):
-        return image[:1, :1], 0, 0
-    return image[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1], int(rows[0]), int(columns[0])
+        return None
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+
+
+def _size(image: Image, crop: Crop) -> int:
+    """Bytes of a cropped image; of one cell where nothing is known."""
+    return image[:1, :1].nbytes if crop is None else image[crop].nbytes
 
 
 def _halved(image: Image, times: int) -> Image:

@@ -58,3 +58,26 @@ def level_pieces(points: Points) -> list[tuple[Points, int]]:
     ends = [*(np.flatnonzero(np.diff(levels)) + 1).tolist(), len(levels)] if len(levels) else []
     starts = [0, *ends[:-1]]
     return [(points[a : b + 1, :2], int(levels[a])) for a, b in zip(starts, ends, strict=False)]
+
+
+def level_strips(
+    trails: Sequence[Points],
+) -> tuple[Points, NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+    """:func:`level_pieces` of many trails at once, (m, 3) each: all points (k, 2), the pieces one after the other.
+
+    And how many each piece has, its level, and how many pieces each trail has.
+    """
+    sizes = np.array([len(trail) for trail in trails])
+    points = np.concatenate([np.zeros((0, 3), np.float32), *trails])
+    trail, levels = np.repeat(np.arange(len(trails)), sizes), points[:, 2].astype(np.intp)
+    first = np.cumsum(sizes) - sizes
+    legs = np.ones(len(points), np.bool_)  # whether one leads to a point from the one before
+    legs[first[sizes > 0]] = False
+    starts = legs.copy()  # of them the first of its piece
+    starts[1:] &= ~(legs[:-1] & (levels[1:] == levels[:-1]))
+    at = np.flatnonzero(starts)
+    piece = np.cumsum(starts)[legs] - 1
+    lengths = np.bincount(piece, minlength=len(at)) + 1
+    ends = np.cumsum(lengths)
+    chosen = np.repeat(at - 1 - (ends - lengths), lengths) + np.arange(lengths.sum())
+    return points[chosen, :2], lengths, levels[at], np.bincount(trail[at], minlength=len(trails))

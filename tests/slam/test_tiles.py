@@ -90,6 +90,26 @@ def test_a_box_of_tiles_is_cut_at_its_edges() -> None:
     np.testing.assert_array_equal(tiled.dense((-9, -9, 9, 9))[5:13, 9:17], expected)
 
 
+@pytest.mark.parametrize("band", [1, 3, 4, 19, 20])
+def test_a_box_is_put_together_band_by_band(monkeypatch: pytest.MonkeyPatch, band: int) -> None:
+    """Some of 6 x 6 tiles of 4 x 4 cells of three colours, cell by cell from a dictionary; a box ends anywhere."""
+    monkeypatch.setattr(tiles, "BAND", band)
+    rng = np.random.default_rng(7)
+    rows, columns = np.divmod(rng.permutation(36)[:20], 6)
+    pool = rng.integers(1, 255, (30, 4, 4, 3), np.uint8)
+    tiled = Tiled(rows - 3, columns - 2, rng.permutation(30)[:20], pool)
+    cells = {
+        (4 * row + i, 4 * column + j): pool[index, i, j].tolist()
+        for row, column, index in zip(tiled.rows.tolist(), tiled.columns.tolist(), tiled.index.tolist(), strict=True)
+        for i in range(4)
+        for j in range(4)
+    }
+    for top, left, bottom, right in ((-12, -8, 11, 15), (-7, -5, 11, 2), (-20, 3, -2, 30), (5, 5, 5, 5)):
+        box = tiled.dense((top, left, bottom, right))
+        expected = [[cells.get((i, j), [0, 0, 0]) for j in range(left, right + 1)] for i in range(top, bottom + 1)]
+        assert box.tolist() == expected and box.dtype == np.uint8
+
+
 # The occupancy grid
 
 

@@ -2,6 +2,7 @@
 
 import threading
 import time
+import weakref
 from functools import partial
 
 import numpy as np
@@ -145,3 +146,21 @@ def test_close_ends_the_thread_and_may_be_repeated() -> None:
 
 def test_cores() -> None:
     assert cores() >= 1
+
+
+def test_work_that_is_done_keeps_nothing_alive(worker: Worker) -> None:
+    class Large:
+        def use(self) -> int:
+            return 3
+
+    large = Large()
+    alive = weakref.ref(large)
+    task = worker.submit(large.use)
+    del large
+    assert task.result() == 3
+    for _ in range(200):  # the other thread may still be on its way out
+        if alive() is None:
+            break
+        time.sleep(0.01)
+    assert alive() is None
+    assert task.result() == 3

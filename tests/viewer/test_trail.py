@@ -1,6 +1,6 @@
 import numpy as np
 
-from pfslam_viz.viewer.trail import Trail, level_pieces
+from pfslam_viz.viewer.trail import Trail, level_pieces, level_strips
 
 
 def test_the_three_are_exactly_the_points_so_far() -> None:
@@ -36,3 +36,20 @@ def test_pieces_of_one_level_meet() -> None:
     assert pieces == [([0, 1, 2], 2), ([2, 3], 5), ([3, 4], 2)]  # the way to a point shows that point's level
     assert level_pieces(points[:1]) == [] and level_pieces(points[:0]) == []
     assert [(len(strip), level) for strip, level in level_pieces(points[:3])] == [(3, 2)]
+
+
+def test_pieces_of_many_trails_are_those_of_each() -> None:
+    """Of none, one and two points too, where the next trail goes on with the same level."""
+    rng = np.random.default_rng(3)
+    trails = [
+        np.column_stack([rng.normal(size=(m, 2)), rng.integers(0, 3, m)]).astype(np.float32)
+        for m in (0, 5, 1, 0, 2, 2, 40, 1, 7, 0)
+    ]
+    trails[5][:, 2] = trails[4][:, 2]
+    for some in (trails, trails[6:7], trails[:1], trails[2:4]):
+        points, lengths, levels, counts = level_strips(some)
+        pieces = [level_pieces(trail) for trail in some]
+        assert counts.tolist() == [len(own) for own in pieces]
+        flat = [piece for own in pieces for piece in own]
+        assert lengths.tolist() == [len(strip) for strip, _ in flat] and levels.tolist() == [level for _, level in flat]
+        np.testing.assert_array_equal(points, np.concatenate([np.zeros((0, 2)), *(strip for strip, _ in flat)]))

@@ -124,10 +124,14 @@ def agreement_of(
     store = (scans.points, scans.own_normals, scans.bearings, scans.first, scans.lidar_position)
     rules = EvidenceRules.of(config)
     back = geometry.between(increments, np.zeros(3))
-    there = _agreement(*store, earlier, later, increments, rules)
-    here = _agreement(*store, later, earlier, back, rules)
-    told = (there[:, 1] >= config.least_told) & (here[:, 1] >= config.least_told)
-    return np.where(told, 0.5 * (there[:, 0] + here[:, 0]), 0.0)
+
+    def part(k: slice) -> Array:
+        there = _agreement(*store, earlier[k], later[k], increments[k], rules)
+        here = _agreement(*store, later[k], earlier[k], back[k], rules)
+        told = (there[:, 1] >= config.least_told) & (here[:, 1] >= config.least_told)
+        return np.where(told, 0.5 * (there[:, 0] + here[:, 0]), 0.0)
+
+    return np.concatenate(scans.worker.split(part, len(earlier), worth=50))
 
 
 @kernel("f4[:, :], f4[:, ::1], f4[:], i8[::1], f8[::1], i8[::1], i8[::1], f8[:, ::1], EvidenceRules")

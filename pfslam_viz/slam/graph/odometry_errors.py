@@ -7,7 +7,6 @@ adaptive filtering by innovations (Mehra 1970), with the median absolute deviati
 """
 
 import math
-from collections import deque
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,8 +32,8 @@ class OdometryErrors:
         self.config = config
         memory = config.memory if forget else None
         self.scale = self.distance = self.angle = 1.0
-        self._turns: deque[float] = deque(maxlen=memory)  # over what the settings expect
-        self._motions: deque[tuple[float, float, float, float]] = deque(maxlen=memory)  # those that tell the scale
+        self._turns = Latest(1, memory)  # over what the settings expect
+        self._motions = Latest(4, memory)  # those that tell the scale
 
     @classmethod
     def of(
@@ -64,7 +63,7 @@ class OdometryErrors:
 
     def _remember(self, odometry: Array, found: Array, known: bool, deviation: Array) -> None:
         turn = math.remainder(found[2] - odometry[2], 2.0 * math.pi)
-        self._turns.append(abs(turn) / deviation[2])
+        self._turns.append((abs(turn) / deviation[2],))
         driven = math.hypot(odometry[0], odometry[1])
         if driven < self.config.scale_driven or not known:
             return
@@ -73,10 +72,10 @@ class OdometryErrors:
         self._motions.append((driven, ahead, aside, float(deviation[0])))
 
     def _evaluate(self) -> None:
-        self.angle = self._multiple(np.array(self._turns))
+        self.angle = self._multiple(self._turns.columns[0])
         if len(self._motions) < self.config.scale_motions:
             return
-        driven, ahead, aside, deviation = np.array(self._motions).T
+        driven, ahead, aside, deviation = self._motions.columns
         scale = _median(ahead / driven)
         self.scale = scale if 1.0 / self.config.largest_scale < scale < self.config.largest_scale else 1.0
         missed = np.abs(np.concatenate([ahead - self.scale * driven, aside]))
@@ -90,6 +89,30 @@ class OdometryErrors:
         c = self.config
         values = np.concatenate([ratios, np.full(c.prior_motions, 1.0 / NORMAL)])
         return float(np.clip(NORMAL * _median(values), c.least_noise, c.most_noise))
+
+
+class Latest:
+    """The last ``most`` rows of so many numbers, or all of them, in no order: medians ask for none."""
+
+    def __init__(self, width: int, most: int | None) -> None:
+        self._most, self._count = most, 0
+        self._columns = np.empty((width, 64))
+
+    def __len__(self) -> int:
+        return self._count if self._most is None else min(self._count, self._most)
+
+    def append(self, row: tuple[float, ...]) -> None:
+        """Remember ``row``, in the place of the oldest one if there are enough."""
+        at = self._count if self._most is None else self._count % self._most
+        if at == self._columns.shape[1]:
+            self._columns = np.concatenate([self._columns, np.empty_like(self._columns)], axis=1)
+        self._columns[:, at] = row
+        self._count += 1
+
+    @property
+    def columns(self) -> Array:
+        """(width, n)."""
+        return self._columns[:, : len(self)]
 
 
 def _median(values: Array) -> float:

@@ -39,6 +39,23 @@ class Matches:
         return Matches(self.poses[which], self.information[which], self.overlap[which], self.distance[which])
 
 
+@dataclass(frozen=True, slots=True)
+class Described:
+    """A scan as :class:`ScanStore` holds it: end points, normals and bearings (m, 5), and its normals' noise, rad²."""
+
+    rows: Singles
+    noise: float
+
+    @classmethod
+    def of(cls, points: Array, lidar_position: Array, config: ScanMatchingConfig) -> "Described":
+        """Of the end points (m, 2), in the order of the beams; thinned where they lie close together."""
+        points = thinned(points, config.most_points, config.sparse)
+        rows = np.empty((len(points), 5), np.float32)
+        reach, spacings = config.wall_reach, config.wall_spacings
+        noise = describe(points, lidar_position, reach, spacings, config.wall_neighbours, config.wall_flatness, rows)
+        return cls(rows, noise)
+
+
 def trusted(found: Matches, guesses: Array, limits: SmoothingConfig | LoopClosingConfig) -> NDArray[np.bool_]:
     """Which matches (k,) are good enough, and near enough to their guesses (k, 3), to be believed."""
     moved = geometry.between(guesses, found.poses)
@@ -107,24 +124,21 @@ class ScanStore:
         """(m, 2) end points of one scan."""
         return self.points[self._first[scan] : self._first[scan + 1]].astype(np.float64)
 
-    def add(self, points: Array) -> None:
-        """Append a scan's end points (m, 2), in the order of the beams; thinned where they lie close together."""
+    def add(self, scan: Array | Described) -> None:
+        """Append a scan: its end points (m, 2), in the order of the beams, or what was made of them before."""
         c = self.config
-        points = thinned(points, c.most_points, c.sparse)
+        scan = scan if isinstance(scan, Described) else Described.of(scan, self.lidar_position, c)
         start = int(self._first[self._count])
-        end = start + len(points)
+        end = start + len(scan.rows)
         while end > len(self._rows):
             self._rows = enlarged(self._rows, len(self._rows))
             self._own_normals = enlarged(self._own_normals, len(self._own_normals))
         if self._count + 2 > len(self._first):
             self._first = np.concatenate([self._first, np.zeros_like(self._first)])
             self._open_shares = np.concatenate([self._open_shares, np.zeros_like(self._open_shares)])
-        rows = self._rows[start:end]
-        noise = describe(
-            points, self.lidar_position, c.wall_reach, c.wall_spacings, c.wall_neighbours, c.wall_flatness, rows
-        )
-        self._own_normals[start:end] = rows[:, 2:4]
-        self._open_shares[self._count] = min(max(c.open_noise * noise, c.open_least), c.open_share)
+        self._rows[start:end] = scan.rows
+        self._own_normals[start:end] = scan.rows[:, 2:4]
+        self._open_shares[self._count] = min(max(c.open_noise * scan.noise, c.open_least), c.open_share)
         self._count += 1
         self._first[self._count] = end
 
@@ -187,4 +201,6 @@ class ScanStore:
             )
 
         found = self.worker.split(part, len(references), worth=100)
+        if len(found) == 1:
+            return Matches(*found[0])
         return Matches(*(np.concatenate(values) for values in zip(*found, strict=True)))

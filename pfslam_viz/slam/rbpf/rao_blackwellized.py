@@ -1,7 +1,7 @@
 """The filter with a map per particle: Rao-Blackwellized SLAM (Doucet et al. 2000; Grisetti et al. 2007)."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from pfslam_viz.slam.graph.odometry_errors import OdometryErrors
 from pfslam_viz.slam.graph.pose_graph import turned
 from pfslam_viz.slam.graph.revision import Reviser
 from pfslam_viz.slam.graph.scan_matching import open_direction
-from pfslam_viz.slam.graph.scan_store import Matches, ScanStore
+from pfslam_viz.slam.graph.scan_store import Described, Matches, ScanStore
 from pfslam_viz.slam.graph.settings import GraphConfig
 from pfslam_viz.slam.graph.smoothing import Smoother
 from pfslam_viz.slam.graph.walls import within
@@ -30,7 +30,7 @@ from pfslam_viz.slam.worker import Worker
 
 Array = NDArray[np.float64]
 
-PIECES = 5  # in which particles are shared with the other thread: the fewer there are, the longer one waits for it
+PIECES = 10  # in which particles are shared with the other thread: the fewer there are, the longer one waits for it
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +87,10 @@ class RaoBlackwellizedFilter(Belief):
     def grid(self) -> OccupancyGrid:
         """The most likely particle's map."""
         return self._grid
+
+    def prepare(self, scan: Scan) -> Scan:
+        """The scan with the walls in it."""
+        return Scan(scan.index, scan.stamp, scan.points, scan.lidar_position, self._described(scan))
 
     def predict(self, increment: Array, dt: float, known: bool = True) -> None:
         """Carry every particle along with the odometry; its noise is sampled when a scan is used.
@@ -148,7 +152,11 @@ class RaoBlackwellizedFilter(Belief):
     def _remember(self, scan: Scan) -> None:
         if len(self._scans) == 0:
             self._scans = ScanStore(scan.lidar_position, self.config.scan_matching, self._worker)
-        self._scans.add(within(scan.points, scan.lidar_position, self._settings.max_range))
+        self._scans.add(scan.prepared or self._described(scan))
+
+    def _described(self, scan: Scan) -> Described:
+        points = within(scan.points, scan.lidar_position, self._settings.max_range)
+        return Described.of(points, scan.lidar_position, self.config.scan_matching)
 
     def _unseen_by_wheels(self, motion: Motion) -> bool:
         """Whether the scans have moved on by more than makes a key scan though the odometry says less."""
@@ -236,12 +244,13 @@ class RaoBlackwellizedFilter(Belief):
         spread = np.array([s.sample_distance, s.sample_angle])
         normals = self._rng.standard_normal((n, s.samples, 3))
         maps = self._maps
+        table, field, origin = maps.table, maps.field, maps.origin  # before there are two threads
 
         def part(k: slice) -> tuple[Array, Array]:
             return propose(
-                maps.table[k],
-                maps.field,
-                maps.origin,
+                table[k],
+                field,
+                origin,
                 maps.cell,
                 points,
                 s.temper,
@@ -270,9 +279,10 @@ class RaoBlackwellizedFilter(Belief):
         self._match = Match(geometry.between(by_odometry, means[best]), motion.overlap, axis)
 
     def update_map(self, scan: Scan) -> None:
-        """Every particle writes a key scan into its own map."""
+        """Every particle writes a key scan into its own map, beside what comes until somebody looks at it."""
         if self._keyed:
-            self._maps.write(self._particles, self._scans.points_of(len(self._scans) - 1), scan.lidar_position)
+            points = self._scans.points_of(len(self._scans) - 1)
+            self._maps.write_beside(self._worker, self._particles, points, scan.lidar_position, self._leader)
             self._grid.follow(self._leader)
 
     def resample(self) -> None:
@@ -293,8 +303,7 @@ class RaoBlackwellizedFilter(Belief):
 
     def estimate(self) -> Estimate:
         """The belief after the scan; its covariance is in the frame of the first pose, drift included."""
-        own = super().estimate()
-        return replace(own, covariance=own.covariance + self._drift.covariance)
+        return self._estimate(self._drift.covariance)
 
     def trajectory(self) -> Array:
         """(n, 3) the most likely particle's whole history, smoothed once all scans are in."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pfslam_viz.slam.graph.odometry_errors import OdometryErrors
+from pfslam_viz.slam.graph.odometry_errors import Latest, OdometryErrors
 from pfslam_viz.slam.graph.settings import OdometryConfig
 
 Array = NDArray[np.float64]
@@ -186,3 +186,15 @@ def test_many_at_once_are_as_one_after_the_other() -> None:
         OdometryConfig(), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3))
     )
     assert values(nothing) == (1.0, 1.0, 1.0)
+
+
+@pytest.mark.parametrize("most", [None, 1, 3, 64, 65, 200])
+def test_the_latest_rows_are_those_of_a_plain_list(most: int | None) -> None:
+    latest, rows = Latest(2, most), list[tuple[float, float]]()
+    assert len(latest) == 0 and latest.columns.shape == (2, 0)
+    for k in range(450):
+        rows.append((float(k), -0.5 * k))
+        latest.append(rows[-1])
+        kept = rows if most is None else rows[-most:]
+        assert len(latest) == len(kept)
+        assert sorted(map(tuple, latest.columns.T.tolist())) == kept

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.simulation.sensors import true_ranges
-from pfslam_viz.slam.graph.scan_store import Matches, ScanStore, trusted
+from pfslam_viz.slam.graph.scan_store import Described, Matches, ScanStore, trusted
 from pfslam_viz.slam.graph.settings import LoopClosingConfig, ScanMatchingConfig, SmoothingConfig
 from pfslam_viz.slam.graph.walls import wall_normals
 from tests.kernels import from_python
@@ -47,6 +47,18 @@ def test_scans_are_kept_one_after_the_other() -> None:
         normals, _ = from_python(wall_normals)(scan, SENSOR, CONFIG.wall_reach, CONFIG.wall_spacings, 20, 0.1)
         np.testing.assert_allclose(store.normals[own], normals, atol=1e-6)
         np.testing.assert_allclose(store.bearings[own], ANGLES[: len(scan)], atol=1e-5)
+
+
+def test_a_scan_described_before_is_kept_alike() -> None:
+    """Thinned too: 721 end points are too many."""
+    pose = np.array([0.4, -0.3, 0.8])
+    dense = np.repeat(seen(pose), 2, axis=0)[:-1] + np.array([0.0, 1e-4]) * (np.arange(721) % 2)[:, None]
+    plain, before = store_of(seen(pose)[:50], dense), ScanStore(SENSOR, CONFIG)
+    for scan in (seen(pose)[:50], dense):
+        before.add(Described.of(scan, SENSOR, CONFIG))
+    assert plain.size_of(1) <= CONFIG.most_points and len(before) == 2
+    for name in ("first", "points", "normals", "own_normals", "bearings", "_open_shares"):
+        np.testing.assert_array_equal(getattr(before, name), getattr(plain, name))
 
 
 def test_the_last_scan_can_be_dropped() -> None:

@@ -151,7 +151,7 @@ def test_mean_and_evidence_are_those_of_the_samples(maps: TileMaps) -> None:
     guesses = truth + rng.normal(0, [0.03, 0.03, 0.02], (3, 3))
     points, prior, normals = seen_from(truth), np.diag([400.0, 900.0, 2500.0]), rng.standard_normal((3, 40, 3))
     three = TileMaps(3, maps.settings)
-    three.table, three.field, three.origin = np.repeat(maps.table, 3, axis=0), maps.field, maps.origin
+    three._table, three._field, three._origin = np.repeat(maps.table, 3, axis=0), maps.field, maps.origin
     optima, _ = proposed(three, points, guesses, prior)
     means, evidence = proposed(three, points, guesses, prior, normals)
     for k in range(3):

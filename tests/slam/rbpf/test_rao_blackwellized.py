@@ -229,6 +229,18 @@ def test_the_same_seed_gives_the_same_bit_for_bit(in_the_room: Drive) -> None:
     np.testing.assert_array_equal(a.grid.log_odds, b.grid.log_odds)
 
 
+def test_scans_prepared_before_give_the_same_bit_for_bit(in_the_room: Drive) -> None:
+    """Prepared by another filter even, of all scans before the first is used: nothing of the filter is in it."""
+    a, b, other = (RaoBlackwellizedFilter(config(seed=3)) for _ in range(3))
+    plain = Drive(in_the_room.truth[:90], in_the_room.odometry[:90], in_the_room.scans[:90])
+    prepared = Drive(plain.truth, plain.odometry, [other.prepare(scan) for scan in plain.scans])
+    assert all(scan.prepared is not None for scan in prepared.scans)
+    for one, two in zip(run(a, plain), run(b, prepared), strict=True):
+        np.testing.assert_array_equal(one.particles, two.particles)
+        np.testing.assert_array_equal(one.weights, two.weights)
+    np.testing.assert_array_equal(a.grid.log_odds, b.grid.log_odds)
+
+
 # Weights, parents, maps
 
 

@@ -2,6 +2,9 @@
 
 import math
 from collections import defaultdict
+from collections.abc import Callable
+from functools import partial
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -14,6 +17,7 @@ from pfslam_viz.slam.rbpf import tile_kernels, tile_maps
 from pfslam_viz.slam.rbpf.settings import RaoBlackwellizedConfig, RbpfConfig
 from pfslam_viz.slam.rbpf.tile_kernels import SIZE, join
 from pfslam_viz.slam.rbpf.tile_maps import TileMaps, TileSettings, field_kernel
+from pfslam_viz.slam.worker import Worker
 from tests.kernels import from_python
 
 Array = NDArray[np.float64]
@@ -387,7 +391,7 @@ def test_settings_come_from_the_map_and_the_filter() -> None:
     assert settings == TileSettings(**numbers, **filter_numbers, reach=2)
 
 
-def plain_agreement(field: NDArray[np.float32], origin: Array, pose: Array, points: Array) -> float:
+def plain_agreement(field: NDArray[np.float32], origin: NDArray[np.int64], pose: Array, points: Array) -> float:
     """Bilinear between the centres of the cells; nothing outside the outermost centres."""
     total = 0.0
     for x, y in geometry.transform(pose, points):
@@ -401,11 +405,78 @@ def plain_agreement(field: NDArray[np.float32], origin: Array, pose: Array, poin
     return total
 
 
+def test_a_scan_written_beside_is_there_for_whoever_looks() -> None:
+    """Before the other thread has come to it, by every way of looking; and nothing overtakes it."""
+    rng = np.random.default_rng(5)
+    settings = config()
+    poses, more, points, other = random_poses(rng, 2), random_poses(rng, 2), random_scan(rng), random_scan(rng)
+    whole = TileMaps(2, settings)
+    whole.write(poses, points, SENSOR)
+    ends = geometry.transform(poses[1], points)
+    for threads in (1, 2):
+        looks: tuple[Callable[[TileMaps], Any], ...] = (
+            lambda maps: maps.table.tolist(),
+            lambda maps: maps.log_odds.tolist(),
+            lambda maps: maps.field.tolist(),
+            lambda maps: maps.origin.tolist(),
+            lambda maps: maps.box(),
+            lambda maps: maps.log_odds_of(1)[0].tolist(),
+            lambda maps: maps.tiled(1).pool.tolist(),
+            lambda maps: maps.project(1, np.zeros(3), ends)[1].tolist(),
+        )
+        for look in looks:
+            worker = Worker(threads)
+            held = Event()
+            worker.submit(held.wait)  # the other thread is late
+            maps = TileMaps(2, settings)
+            maps.write_beside(worker, poses, points, SENSOR)
+            assert look(maps) == look(whole)
+            held.set()
+            worker.close()
+    worker = Worker(2)
+    apart, together = TileMaps(2, settings), TileMaps(2, settings)
+    for maps, write in ((apart, partial(apart.write_beside, worker)), (together, together.write)):
+        write(poses, points, SENSOR)
+        maps.resample(np.array([1, 1]))
+        write(more, other, SENSOR)
+        maps.write(more[::-1].copy(), points, SENSOR)
+    worker.close()
+    np.testing.assert_array_equal(apart.table, together.table)
+    np.testing.assert_array_equal(apart.log_odds, together.log_odds)
+    np.testing.assert_array_equal(apart.field, together.field)
+    assert_consistent(apart)
+
+
+def test_nobody_waits_for_the_map_that_is_written_before_the_others() -> None:
+    """Nor for its descendant; the others are there for whoever asks, though the other thread never gets to them."""
+    rng = np.random.default_rng(6)
+    poses, points = random_poses(rng, 3), random_scan(rng)
+    whole, maps = TileMaps(3, config()), TileMaps(3, config())
+    whole.write(poses, points, SENSOR)
+    worker, held = Worker(2), Event()
+    worker.submit(held.wait)
+    maps.write_beside(worker, poses, points, SENSOR, before=1)
+    ends = geometry.transform(poses[1], points)
+    for at in (1, 2):
+        np.testing.assert_array_equal(maps.project(at, np.zeros(3), ends)[1], whole.project(1, np.zeros(3), ends)[1])
+        np.testing.assert_array_equal(maps.log_odds_of(at)[0], whole.log_odds_of(1)[0])
+        assert maps._writing is not None
+        if at == 1:
+            maps.resample(np.array([0, 0, 1]))
+    whole.resample(np.array([0, 0, 1]))
+    for index in (0, 1, 2):
+        np.testing.assert_array_equal(maps.log_odds_of(index)[0], whole.log_odds_of(index)[0])
+    assert maps._writing is None and whole.log_odds_of(0)[0].any()
+    assert_consistent(maps)
+    held.set()
+    worker.close()
+
+
 def test_agreement_equals_its_twin() -> None:
     """On 3 x 4 tiles of random numbers, some of them the empty tile: within, over borders and corners, outside."""
     rng = np.random.default_rng(3)
     maps = TileMaps(1, config())
-    maps.table = np.array([[[1, 0, 2, 3], [0, 4, 5, 0], [6, 7, 0, 8]]], np.int32)
+    maps._table = np.array([[[1, 0, 2, 3], [0, 4, 5, 0], [6, 7, 0, 8]]], np.int32)
     maps.field[1:9] = rng.uniform(0, 2, (8, SIZE, SIZE))
     field = dense(maps, 0, maps.field)
     for k in range(40):
@@ -420,7 +491,7 @@ def test_agreement_on_every_side_of_a_tiles_corner() -> None:
     """Single points round the corner of four tiles and round the table's own corners."""
     rng = np.random.default_rng(4)
     maps = TileMaps(1, config())
-    maps.table = np.array([[[1, 2], [3, 4]]], np.int32)
+    maps._table = np.array([[[1, 2], [3, 4]]], np.int32)
     maps.field[1:5] = rng.uniform(0, 2, (4, SIZE, SIZE))
     field = dense(maps, 0, maps.field)
     some = 0
