@@ -90,10 +90,11 @@ class Tiled:
         n = self.size
         near = (self.rows >= top // n) & (self.rows <= bottom // n)
         near &= (self.columns >= left // n) & (self.columns <= right // n)
-        for k in np.flatnonzero(near).tolist():
-            first = int(self.rows[k]) * n - top, int(self.columns[k]) * n - left
-            here, there = zip(*(overlap(at, n, size) for at, size in zip(first, out.shape, strict=False)), strict=True)
-            out[here] = self.pool[self.index[k]][there]
+        rows, columns = (self.rows[near] * n - top).tolist(), (self.columns[near] * n - left).tolist()
+        height, width = out.shape[:2]
+        for row, column, index in zip(rows, columns, self.index[near].tolist(), strict=True):
+            up, down, west, east = max(row, 0), min(row + n, height), max(column, 0), min(column + n, width)
+            out[up:down, west:east] = self.pool[index, up - row : down - row, west - column : east - column]
         return out
 
 

@@ -8,7 +8,7 @@ from pfslam_viz.compiling.kernel import kernel
 Positions = NDArray[np.float32]
 
 
-@kernel("f4[:, ::1]")
+@kernel()
 def known_box(values: NDArray[np.float32]) -> NDArray[np.int64]:
     """First row, last row, first column and last column (4,) of the ``values`` that are not 0; where all are, all 0."""
     rows, columns = values.shape
