@@ -9,7 +9,7 @@ Positions = NDArray[np.float32]
 
 
 @kernel()
-def known_box(values: NDArray[np.float32]) -> NDArray[np.int64]:
+def known_cells(values: NDArray[np.float32]) -> NDArray[np.int64]:
     """First row, last row, first column and last column (4,) of the ``values`` that are not 0; where all are, all 0."""
     rows, columns = values.shape
     box = np.empty(4, np.int64)
@@ -35,11 +35,11 @@ def known_box(values: NDArray[np.float32]) -> NDArray[np.int64]:
 def shade(
     log_odds: NDArray[np.float32], table: NDArray[np.uint8], steps: float, unknown: int
 ) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
-    """The :func:`known_box` of a map, and each of its cells' entry in ``table`` (256,), (rows, columns) of the box.
+    """The :func:`known_cells` of a map, and each of its cells' entry in ``table`` (256,), (rows, columns) of the box.
 
     An entry stands for 1 / ``steps`` of log-odds, 0 in the middle; cells whose log-odds are 0 become ``unknown``.
     """
-    box = known_box(log_odds)
+    box = known_cells(log_odds)
     rows, columns = box[1] - box[0] + 1, box[3] - box[2] + 1
     out, levels = np.empty((rows, columns), np.uint8), np.empty(columns, np.int32)
     zero, middle, highest, scale = np.float32(0.0), np.float32(128.5), np.float32(255.0), np.float32(steps)
