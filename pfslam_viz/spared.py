@@ -3,6 +3,22 @@
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
+
+
+class _Refusal:
+    """Stands among what finds modules, and knows that one is not to be found.
+
+    None among the imported ones would say so to Python, but Cython, which pyarrow is written in, takes it for a module.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def find_spec(self, name: str, *_: Any) -> None:
+        """Nothing about any module; for the one, raise ModuleNotFoundError."""
+        if name == self._name:
+            raise ModuleNotFoundError(f"{name} is not needed", name=name)
 
 
 @contextmanager
@@ -11,11 +27,9 @@ def spared(name: str) -> Iterator[None]:
 
     Unless it has been imported already.
     """
-    if name in sys.modules:
-        yield
-        return
-    sys.modules[name] = None  # type: ignore[assignment]  # an import of it raises ImportError
+    refusal: Any = _Refusal(name)
+    sys.meta_path.insert(0, refusal)
     try:
         yield
     finally:
-        del sys.modules[name]
+        sys.meta_path.remove(refusal)

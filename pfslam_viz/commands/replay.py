@@ -139,8 +139,8 @@ def open_stream(
 
     sink = stack.enter_context(sinks.open())
     sink.hurry = stopped
-    with spared("pandas"):  # which pyarrow imports with its first array, where it is installed, in 0.3 s
-        return replay_stream(recording, config, sink, detail.options())
+    stack.enter_context(spared("pandas"))  # which pyarrow imports with its first array, where it is installed
+    return replay_stream(recording, config, sink, detail.options())
 
 
 def _replay(
