@@ -79,7 +79,10 @@ def bridge(
     That is a run of at most ``most`` of them, along a row or a column, between two cells below ``free``.
     """
     rows, columns = cells.shape
-    out = drawn.copy()
+    out = np.empty(drawn.shape, np.uint8)
+    for i in range(rows):
+        for j in range(columns):
+            out[i, j] = drawn[i, j]
     above = np.empty(columns, np.int64)  # the last row that was free with nothing but unknown since, if any
     for j in range(columns):
         above[j] = -1
@@ -131,7 +134,9 @@ def trace(
     window, n = parents.shape
     pieces = np.empty((max((count - 1) // stride, 0) * len(particles), 2, 2), np.float32)
     m, row = 0, newest
-    alive = particles.copy()
+    alive = np.empty(len(particles), np.int64)
+    for k in range(len(particles)):
+        alive[k] = particles[k]
     for _ in range((count - 1) // stride):
         older = (row - stride) % window
         met, survivors = np.zeros(n, np.bool_), 0
