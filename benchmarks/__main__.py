@@ -7,6 +7,7 @@ from benchmarks import machine
 
 NAMES = (
     "speed",
+    "profile",
     "scaling",
     "memory",
     "long-drive",

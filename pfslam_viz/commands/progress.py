@@ -1,5 +1,6 @@
 """What every command that runs the filter shows meanwhile: how far kernels are compiled, and how far the run is."""
 
+import gc
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import cache
@@ -31,7 +32,8 @@ def kernels(
     with ExitStack() as stack:
         with console.steps("compiling", quiet) as show:
             wanted = needed(configs, viewer=viewer, texture=texture)
-            stack.enter_context(compiling(wanted, show, console.tell))
+            if stack.enter_context(compiling(wanted, show, console.tell)):
+                gc.freeze()  # what numba leaves is not walked while the filter runs
         yield
 
 

@@ -17,10 +17,9 @@ from threading import Event, Lock, Thread
 
 from pfslam_viz.compiling.cache import use_cache
 from pfslam_viz.compiling.clock import CLOCK
-from pfslam_viz.compiling.kernel import find, types_of, without_blas
+from pfslam_viz.compiling.kernel import find, types_of
 from pfslam_viz.compiling.needed import Needed
-from pfslam_viz.compiling.signatures import remembered_signatures
-from pfslam_viz.compiling.sizes import remembered_sizes
+from pfslam_viz.compiling.quick import quick_numba
 from pfslam_viz.compiling.stored import NotStoredError, Stored
 from pfslam_viz.slam.worker import cores
 
@@ -168,7 +167,7 @@ def compiling(
     """Kernels that are compiled, and how many had to be; what is ``wanted`` later is compiled beside what is done."""
     process = Compiling(say)
     try:
-        with without_blas(), remembered_signatures(), remembered_sizes():
+        with quick_numba():
             count = process.prepare(wanted, on_progress)
         yield count
     finally:
@@ -179,7 +178,7 @@ def compile_all(wanted: Needed, on_progress: OnProgress = lambda done, all_: Non
     """Compile everything that is ``wanted``, or load it; how many kernels had to be compiled."""
     process = Compiling()
     try:
-        with without_blas(), remembered_signatures(), remembered_sizes():
+        with quick_numba():
             return process.prepare(Needed((*wanted.first, *wanted.later)), on_progress)
     finally:
         process.close()

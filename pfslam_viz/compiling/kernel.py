@@ -7,7 +7,6 @@ they are called, in two processes.
 
 import inspect
 import re
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib import import_module
@@ -18,6 +17,7 @@ from numba import njit
 
 from pfslam_viz.compiling.cache import use_cache
 from pfslam_viz.compiling.pipeline import EntryKernel, InnerKernel
+from pfslam_viz.spared import spared
 
 PACKAGE = "pfslam_viz"
 types: Any = numba.types
@@ -80,12 +80,5 @@ def without_blas() -> Iterator[None]:
 
     numba asks for it when the first kernel is loaded, for functions of linear algebra in kernels; none here calls one.
     """
-    name = "scipy.linalg.cython_blas"
-    if name in sys.modules:
+    with spared("scipy.linalg.cython_blas"):
         yield
-        return
-    sys.modules[name] = None  # type: ignore[assignment]  # an import of it raises ImportError
-    try:
-        yield
-    finally:
-        del sys.modules[name]

@@ -11,7 +11,7 @@ Groups = Iterable[tuple[str, str]]
 # Modules of pfslam_viz, each with kernels of it. Those of the back ends are in their own table.
 LOOP = (("slam.kernels", "read_scan move moments pick transform"), ("slam.map_kernels", "add_scans"))
 VIEWER = (
-    ("viewer.kernels", "known_box shade bridge descend trace fingerprints"),
+    ("viewer.kernels", "shade bridge descend trace fingerprints"),
     ("slam.map_kernels", "known_tiles"),
 )
 TEXTURE = {

@@ -37,16 +37,37 @@ KNOWN = ((0, 68),)
 
 
 class _Library(JITCodeLibrary):
-    """A kernel's code, of which LLVM is shown what there is: numba has it optimise every declaration, too."""
+    """A kernel's code, which LLVM optimises once, with all that it calls; numba has it do so three times.
+
+    Where sums may be reordered, they are in the order that numba's own passes leave.
+    """
+
+    _reorders = False
+
+    @property
+    def reorders(self) -> bool:
+        """Whether it, or a kernel that ends within it, is compiled with ``fastmath``."""
+        return self._reorders or any(getattr(one, "reorders", False) for one in self._linking_libraries)
 
     def _optimize_functions(self, module: Any) -> None:
-        """Simplify the functions that the module has, before it is linked."""
+        """Leave the functions that the module has as they are until they are linked."""
         codegen: Any = self._codegen
         module.data_layout = codegen._data_layout
+        if not self.reorders:
+            return
         for function in module.functions:
-            if not function.is_declaration:
+            if not function.is_declaration:  # numba has LLVM optimise declarations, too
                 passes, builder = codegen._function_pass_manager()
                 passes.run(function, builder)
+
+    def _optimize_final_module(self) -> None:
+        """All of LLVM's passes."""
+        if self.reorders:
+            super()._optimize_final_module()  # type: ignore[no-untyped-call]
+            return
+        codegen: Any = self._codegen
+        passes, builder = codegen._module_pass_manager()
+        passes.run(self._final_module, builder)
 
 
 class _InnerLibrary(_Library):
@@ -87,6 +108,7 @@ def _lower_into(library: type[_Library], state: Any) -> None:
     if numba.version_info[:2] in KNOWN:
         make: Any = library
         state.library = make(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library._reorders = bool(state.flags.fastmath)
         state.library.enable_object_caching()
 
 

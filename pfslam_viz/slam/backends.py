@@ -42,7 +42,7 @@ BACKENDS: dict[str, Backend] = {
         (
             ("slam.kernels", "compose"),
             ("slam.rbpf.proposal", "propose spread_points"),
-            ("slam.rbpf.tile_kernels", "write_scans project join"),
+            ("slam.rbpf.tile_kernels", "write_scans project"),
             ("slam.graph.walls", "within thinned describe"),
             ("slam.rbpf.history", "_descent"),
         ),

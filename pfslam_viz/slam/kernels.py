@@ -22,7 +22,7 @@ TAKEN = 16  # poses that a thread takes at a time
 @kernel("f8[:, ::1], f8[::1], f8[:, ::1]")
 def move(poses: Floats, increment: Floats, noise: Floats) -> Floats:
     """Equations (13), (17), (18): every pose (N, 3) moved by the increment (3,) of its own frame, plus noise (N, 3)."""
-    out = np.empty_like(poses)
+    out = np.empty(poses.shape)
     for k in range(len(poses)):
         c, s = math.cos(poses[k, 2]), math.sin(poses[k, 2])
         out[k, 0] = poses[k, 0] + c * increment[0] - s * increment[1] + noise[k, 0]
@@ -47,7 +47,7 @@ def compose(pose: Floats, increment: Floats) -> Floats:
 @kernel("f8[::1], f8[:, ::1]")
 def transform(pose: Floats, points: Floats) -> Floats:
     """Points (m, 2) of the frame of ``pose`` (3,) in the world's: :func:`pfslam_viz.geometry.transform`, sooner."""
-    out = np.empty_like(points)
+    out = np.empty(points.shape)
     c, s = math.cos(pose[2]), math.sin(pose[2])
     for b in range(len(points)):
         out[b, 0] = pose[0] + c * points[b, 0] - s * points[b, 1]
@@ -204,4 +204,7 @@ def read_scan(
             out[m, 0] = origin[0] + ranges[b] * directions[b, 0]
             out[m, 1] = origin[1] + ranges[b] * directions[b, 1]
             m += 1
-    return out[:m].copy()
+    kept = np.empty((m, 2))
+    for k in range(m):
+        kept[k, 0], kept[k, 1] = out[k, 0], out[k, 1]
+    return kept

@@ -8,8 +8,8 @@ from pfslam_viz.compiling.kernel import kernel
 Positions = NDArray[np.float32]
 
 
-@kernel("f4[:, ::1]")
-def known_box(values: NDArray[np.float32]) -> NDArray[np.int64]:
+@kernel()
+def known_cells(values: NDArray[np.float32]) -> NDArray[np.int64]:
     """First row, last row, first column and last column (4,) of the ``values`` that are not 0; where all are, all 0."""
     rows, columns = values.shape
     box = np.empty(4, np.int64)
@@ -35,11 +35,11 @@ def known_box(values: NDArray[np.float32]) -> NDArray[np.int64]:
 def shade(
     log_odds: NDArray[np.float32], table: NDArray[np.uint8], steps: float, unknown: int
 ) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
-    """The :func:`known_box` of a map, and each of its cells' entry in ``table`` (256,), (rows, columns) of the box.
+    """The :func:`known_cells` of a map, and each of its cells' entry in ``table`` (256,), (rows, columns) of the box.
 
     An entry stands for 1 / ``steps`` of log-odds, 0 in the middle; cells whose log-odds are 0 become ``unknown``.
     """
-    box = known_box(log_odds)
+    box = known_cells(log_odds)
     rows, columns = box[1] - box[0] + 1, box[3] - box[2] + 1
     out, levels = np.empty((rows, columns), np.uint8), np.empty(columns, np.int32)
     zero, middle, highest, scale = np.float32(0.0), np.float32(128.5), np.float32(255.0), np.float32(steps)
@@ -79,7 +79,10 @@ def bridge(
     That is a run of at most ``most`` of them, along a row or a column, between two cells below ``free``.
     """
     rows, columns = cells.shape
-    out = drawn.copy()
+    out = np.empty(drawn.shape, np.uint8)
+    for i in range(rows):
+        for j in range(columns):
+            out[i, j] = drawn[i, j]
     above = np.empty(columns, np.int64)  # the last row that was free with nothing but unknown since, if any
     for j in range(columns):
         above[j] = -1
@@ -131,7 +134,9 @@ def trace(
     window, n = parents.shape
     pieces = np.empty((max((count - 1) // stride, 0) * len(particles), 2, 2), np.float32)
     m, row = 0, newest
-    alive = particles.copy()
+    alive = np.empty(len(particles), np.int64)
+    for k in range(len(particles)):
+        alive[k] = particles[k]
     for _ in range((count - 1) // stride):
         older = (row - stride) % window
         met, survivors = np.zeros(n, np.bool_), 0

@@ -4,6 +4,7 @@ from typing import Any
 
 import numba
 import pytest
+from numba.core.codegen import JITCodeLibrary
 
 from pfslam_viz.compiling import pipeline
 
@@ -54,3 +55,32 @@ def test_an_error_of_a_kernel_comes_out() -> None:
     _, entry = both()
     with pytest.raises(ValueError, match="no such power"):
         entry(1.0, -1)
+
+
+@pytest.mark.skipif(numba.version_info[:2] not in pipeline.KNOWN, reason="not a release of numba that is known")
+def test_kernels_whose_sums_may_be_reordered_are_optimised_as_numba_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And so are those that call them; all others are optimised once."""
+    optimised = list[str]()
+    own: Any = JITCodeLibrary._optimize_final_module
+
+    def optimise(self: Any) -> None:
+        optimised.append(self.name)
+        own(self)
+
+    monkeypatch.setattr(JITCodeLibrary, "_optimize_final_module", optimise)
+    make: Any = numba.njit
+    common = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+    @make(pipeline_class=pipeline.InnerKernel, fastmath=True, **common)  # type: ignore[untyped-decorator]
+    def third(x: float) -> float:
+        return x / 3.0
+
+    @make(pipeline_class=pipeline.EntryKernel, **common)  # type: ignore[untyped-decorator]
+    def calls(x: float) -> float:
+        found: float = third(x) + 1.0
+        return found
+
+    _, entry = both()
+    assert calls(6.0) == 3.0 and entry(8.0, 2) == 3.0
+    assert any("calls" in name for name in optimised)
+    assert not any("entry" in name for name in optimised)

@@ -56,11 +56,11 @@ def test_gaps_between_free_cells_are_bridged(most: int) -> None:
 def test_the_box_of_one_cell(cell: tuple[int, int]) -> None:
     values = np.zeros((9, 13), np.float32)
     values[cell] = -0.1
-    assert kernels.known_box(values).tolist() == [cell[0], cell[0], cell[1], cell[1]]
+    assert kernels.shade(values, np.zeros(256, np.uint8), 1.0, 0)[1].tolist() == [cell[0], cell[0], cell[1], cell[1]]
 
 
 def test_the_box_of_nothing_is_one_cell() -> None:
-    assert kernels.known_box(np.zeros((9, 13), np.float32)).tolist() == [0, 0, 0, 0]
+    assert kernels.shade(np.zeros((9, 13), np.float32), np.zeros(256, np.uint8), 1.0, 0)[1].tolist() == [0, 0, 0, 0]
 
 
 def test_descend() -> None:

@@ -44,4 +44,7 @@ def earlier_visits(poses: Array, radius: float, apart: int, most: int, turn_leng
             for at in range(nearby):
                 if abs(near[at] - nearest) <= apart // 2:
                     away[at] = np.inf
-    return found[:count].copy()
+    pairs = np.empty((count, 2), np.int64)
+    for k in range(count):
+        pairs[k, 0], pairs[k, 1] = found[k, 0], found[k, 1]
+    return pairs

@@ -18,7 +18,7 @@ Singles = NDArray[np.float32]
 @kernel("f8[:, ::1], f8[::1], f8")
 def within(points: Floats, center: Floats, distance: float) -> Floats:
     """Those of the points (m, 2) that lie at most ``distance`` from ``center`` (2,), (k, 2)."""
-    out = np.empty_like(points)
+    out = np.empty(points.shape)
     k = 0
     for b in range(len(points)):
         x, y = points[b, 0] - center[0], points[b, 1] - center[1]
@@ -35,7 +35,7 @@ def thinned(points: Floats, most: int, sparse: float) -> Floats:
     The far end of a corridor has few end points, and they alone tell how far along it the robot is.
     """
     stride = 1 + max(len(points) - 1, 0) // most
-    out = np.empty_like(points)
+    out = np.empty(points.shape)
     k, last = 0, -stride
     for b in range(len(points)):
         if b - last < stride:

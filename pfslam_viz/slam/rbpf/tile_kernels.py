@@ -24,19 +24,13 @@ SIZE = 1 << BITS  # cells along a tile's edge
 LOW = SIZE - 1
 
 
-@kernel("i4[:, ::1], f4[:, :, ::1]")
 def join(table: Index, log_odds: Field) -> Field:
     """The tiles (tiles, 32, 32) that one map's ``table`` (rows, columns) names, as one array."""
-    out = np.zeros((table.shape[0] << BITS, table.shape[1] << BITS), np.float32)
-    for row in range(table.shape[0]):
-        for column in range(table.shape[1]):
-            tile = table[row, column]
-            if tile != 0:
-                top, left = row << BITS, column << BITS
-                for i in range(SIZE):
-                    for j in range(SIZE):
-                        out[top + i, left + j] = log_odds[tile, i, j]
-    return out
+    rows, columns = table.shape
+    out = np.zeros((rows, SIZE, columns, SIZE), np.float32)
+    named = np.nonzero(table)
+    out[named[0], :, named[1]] = log_odds[table[named]]
+    return out.reshape(rows << BITS, columns << BITS)
 
 
 @kernel("i4[:, ::1], f4[:, :, ::1], i8[::1], f8, f4, f8[::1], f8[:, ::1]")

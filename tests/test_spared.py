@@ -1,0 +1,36 @@
+"""Imports that are spared fail as if nothing were installed, and only meanwhile."""
+
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from pfslam_viz.simulation.recording import simulate
+from pfslam_viz.spared import spared
+
+
+def test_an_import_is_spared_for_a_while() -> None:
+    with spared("wave"), pytest.raises(ImportError):
+        import_module("wave")
+    assert import_module("wave").open
+
+
+def test_what_is_imported_stays() -> None:
+    with spared("json"):
+        assert import_module("json") is sys.modules["json"]
+    assert sys.modules["json"] is not None
+
+
+def test_a_replay_imports_no_pandas(tmp_path: Path) -> None:
+    """Where a package of that name can be imported, which says so."""
+    (tmp_path / "pandas.py").write_text("print('pandas was imported')")
+    drive = simulate(tmp_path / "drive", seed=3, duration=8.0, frames=False)
+    code = "import sys; from pfslam_viz.cli import main; sys.argv[0] = 'pfslam-viz'; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(tmp_path)!r}); {code}",
+         "replay", str(drive), "--config", "paper", "-q", "--save", str(tmp_path / "out.rrd")],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert done.stdout + done.stderr == "" and (tmp_path / "out.rrd").stat().st_size > 0
