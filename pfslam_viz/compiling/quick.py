@@ -4,9 +4,12 @@ import gc
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
+import numba
+
 from pfslam_viz.compiling.arrays import remembered_arrays
 from pfslam_viz.compiling.kernel import without_blas
 from pfslam_viz.compiling.lifetimes import lazy_lifetimes
+from pfslam_viz.compiling.pipeline import KNOWN
 from pfslam_viz.compiling.signatures import remembered_signatures
 from pfslam_viz.compiling.sizes import remembered_sizes
 
@@ -23,13 +26,14 @@ def uncollected() -> Iterator[None]:
             gc.enable()
 
 
-SAVINGS = (uncollected, without_blas, remembered_signatures, remembered_sizes, remembered_arrays, lazy_lifetimes)
+PRIVATE = (remembered_signatures, remembered_sizes, remembered_arrays, lazy_lifetimes)
+"""Those that put something in the place of numba's own functions, which other releases may not have so."""
 
 
 @contextmanager
 def quick_numba() -> Iterator[None]:
     """All that spares numba work, and changes nothing of what it makes."""
     with ExitStack() as stack:
-        for saving in SAVINGS:
+        for saving in (uncollected, without_blas, *(PRIVATE if numba.version_info[:2] in KNOWN else ())):
             stack.enter_context(saving())
         yield
