@@ -54,16 +54,15 @@ class Trail:
 
 def level_pieces(points: Points) -> list[tuple[Points, int]]:
     """Points (m, 3) of x, y and a level as strips (k, 2) of one level each, which end where the next begins."""
-    levels = points[1:, 2].astype(int)
-    ends = [*(np.flatnonzero(np.diff(levels)) + 1).tolist(), len(levels)] if len(levels) else []
-    starts = [0, *ends[:-1]]
-    return [(points[a : b + 1, :2], int(levels[a])) for a, b in zip(starts, ends, strict=False)]
+    strips, lengths, levels, _ = level_strips([points])
+    ends = np.cumsum(lengths)
+    return [(strips[a:b], level) for a, b, level in zip(ends - lengths, ends, levels.tolist(), strict=True)]
 
 
 def level_strips(
     trails: Sequence[Points],
 ) -> tuple[Points, NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
-    """:func:`level_pieces` of many trails at once, (m, 3) each: all points (k, 2), the pieces one after the other.
+    """The same of many trails at once, (m, 3) each: all points (k, 2), the pieces one after the other.
 
     And how many each piece has, its level, and how many pieces each trail has.
     """

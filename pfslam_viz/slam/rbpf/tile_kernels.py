@@ -24,15 +24,6 @@ SIZE = 1 << BITS  # cells along a tile's edge
 LOW = SIZE - 1
 
 
-def join(table: Index, log_odds: Field) -> Field:
-    """The tiles (tiles, 32, 32) that one map's ``table`` (rows, columns) names, as one array."""
-    rows, columns = table.shape
-    out = np.zeros((rows, SIZE, columns, SIZE), np.float32)
-    named = np.nonzero(table)
-    out[named[0], :, named[1]] = log_odds[table[named]]
-    return out.reshape(rows << BITS, columns << BITS)
-
-
 @kernel("i4[:, ::1], f4[:, :, ::1], i8[::1], f8, f4, f8[::1], f8[:, ::1]")
 def project(
     table: Index,

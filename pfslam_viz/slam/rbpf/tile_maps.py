@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz.slam.rbpf.settings import RbpfConfig
-from pfslam_viz.slam.rbpf.tile_kernels import BITS, SIZE, Field, Floats, Index, join, project, write_scans
+from pfslam_viz.slam.rbpf.tile_kernels import BITS, SIZE, Field, Floats, Index, project, write_scans
 from pfslam_viz.slam.tiles import Box, Tiled, enlarged
 from pfslam_viz.slam.worker import Task, Worker
 
@@ -210,7 +210,8 @@ class TileMaps:
 
     def log_odds_of(self, index: int) -> tuple[Field, tuple[int, int]]:
         """One map's log-odds (rows, columns) as an array of its own, and the row and column of the world's origin."""
-        return join(self._table_of(index), self._log_odds), (int(self._origin[0]), int(self._origin[1]))
+        row, column = self._origin.tolist()
+        return self.tiled(index).dense(self.box()), (row, column)
 
     def box(self) -> Box:
         """First row and column, last row and column that the maps have room for, from the world origin's cell."""

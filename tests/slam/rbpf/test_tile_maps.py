@@ -15,7 +15,7 @@ from pfslam_viz import geometry
 from pfslam_viz.settings import MapConfig
 from pfslam_viz.slam.rbpf import tile_kernels, tile_maps
 from pfslam_viz.slam.rbpf.settings import RaoBlackwellizedConfig, RbpfConfig
-from pfslam_viz.slam.rbpf.tile_kernels import SIZE, join
+from pfslam_viz.slam.rbpf.tile_kernels import SIZE
 from pfslam_viz.slam.rbpf.tile_maps import TileMaps, TileSettings, field_kernel
 from pfslam_viz.slam.worker import Worker
 from tests.kernels import from_python
@@ -373,7 +373,11 @@ def test_the_joined_tiles() -> None:
     tiles[0] = 0.0
     table = np.array([[3, 0], [5, 1], [0, 2]], np.int32)
     expected = np.vstack([np.hstack([tiles[tile] for tile in row]) for row in table])
-    np.testing.assert_array_equal(join(table, tiles), expected)
+    maps = TileMaps(1, config())
+    maps._table, maps._log_odds, maps._origin = table[None], tiles, np.array([SIZE, 2 * SIZE])
+    joined, origin = maps.log_odds_of(0)
+    np.testing.assert_array_equal(joined, expected)
+    assert origin == (SIZE, 2 * SIZE)
 
 
 def test_settings_come_from_the_map_and_the_filter() -> None:
