@@ -8,6 +8,7 @@ from pfslam_viz.simulation.sensors import true_ranges
 from pfslam_viz.slam.graph.evidence import agreement, compare, witnesses
 from pfslam_viz.slam.graph.scan_store import ScanStore
 from pfslam_viz.slam.graph.settings import EvidenceConfig, ScanMatchingConfig, SmoothingConfig
+from pfslam_viz.slam.worker import Worker
 
 Array = NDArray[np.float64]
 CONFIG = EvidenceConfig()
@@ -24,9 +25,9 @@ def drive() -> Array:
     return geometry.accumulate([(0.0, 0.0, 0.0), *there * 4])
 
 
-def scans_from(poses: Array, walls: Array = ROOM) -> ScanStore:
+def scans_from(poses: Array, walls: Array = ROOM, worker: Worker | None = None) -> ScanStore:
     rng = np.random.default_rng(0)
-    store = ScanStore(np.zeros(2), ScanMatchingConfig())
+    store = ScanStore(np.zeros(2), ScanMatchingConfig(), worker)
     for ranges in true_ranges(walls, poses, ANGLES)[0]:
         noisy = ranges + 0.01 * rng.standard_normal(len(ranges))
         store.add(np.stack([noisy * np.cos(ANGLES), noisy * np.sin(ANGLES)], axis=-1))
@@ -43,6 +44,22 @@ def test_scans_agree_with_their_true_poses_and_not_with_others() -> None:
     assert -CONFIG.crossed <= agreement(scans, off, pair, CONFIG)[0] < -0.2
     far = truth + np.array([[0.0, 0, 0], [100.0, 0.0, 0.0]])
     assert agreement(scans, far, pair, CONFIG)[0] == 0.0
+
+
+def test_pairs_are_judged_one_by_one_on_either_thread() -> None:
+    """Many at once, which two threads share, as each alone."""
+    poses = drive() + np.random.default_rng(2).normal(0.0, [0.05, 0.05, 0.01], (len(drive()), 3))
+    pairs = witnesses(poses, poses, CONFIG)
+    alone = scans_from(drive())
+    expected = [agreement(alone, poses, pair[None], CONFIG)[0] for pair in pairs]
+    assert len(pairs) > 200 and len(set(expected)) > 200
+    for threads in (1, 2):
+        worker = Worker(threads)
+        try:
+            found = agreement(scans_from(drive(), worker=worker), poses, pairs, CONFIG)
+        finally:
+            worker.close()
+        np.testing.assert_array_equal(found, expected)
 
 
 def test_the_truth_is_preferred_to_drift_and_to_a_tear() -> None:
