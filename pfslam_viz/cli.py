@@ -54,6 +54,7 @@ from pfslam_viz.commands.options import (
 )
 from pfslam_viz.errors import InputError, PfslamError
 from pfslam_viz.names import readable
+from pfslam_viz.spared import spared
 
 PROGRAM = "pfslam-viz"
 
@@ -603,6 +604,9 @@ def main() -> None:
     # What Rerun says of a file that it cannot write, or a viewer that is gone, we say ourselves, in one line.
     os.environ.setdefault("RUST_LOG", "warn,re_log_encoding=off,re_sdk=off,re_grpc_client=off")
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # a request to terminate is Ctrl-C: all is put in order
-    status = call(sys.argv[1:])
+    # Pyarrow imports pandas with its first array, where it is installed. It would remember that it was refused: so only
+    # here, where the process is our own.
+    with spared("pandas"):
+        status = call(sys.argv[1:])
     gc.freeze()  # nor as the interpreter ends, which would take half a second
     sys.exit(status)

@@ -34,3 +34,18 @@ def test_a_replay_imports_no_pandas(tmp_path: Path) -> None:
         capture_output=True, text=True, check=True,
     )  # fmt: skip
     assert done.stdout + done.stderr == "" and (tmp_path / "out.rrd").stat().st_size > 0
+
+
+def test_where_others_share_the_process_pandas_is_not_refused(tmp_path: Path) -> None:
+    """Pyarrow asks for it once and remembers the answer, so that others' nanoseconds could not be read any more."""
+    pytest.importorskip("pandas")
+    drive = simulate(tmp_path / "drive", seed=3, duration=8.0, frames=False)
+    arguments = ["replay", str(drive), "--config", "paper", "-q", "--save", str(tmp_path / "out.rrd")]
+    code = f"""
+from pfslam_viz.cli import call
+assert call({arguments!r}) == 0
+import pyarrow
+print(pyarrow.scalar(25547742, pyarrow.duration("ns")).as_py().value)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "25547742\n"

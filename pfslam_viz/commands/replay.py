@@ -19,7 +19,6 @@ from pfslam_viz.outputs import EXPORTED, check_export
 from pfslam_viz.recordings.findings import SEVERITIES, of
 from pfslam_viz.recordings.recording import Recording
 from pfslam_viz.replay import Replay, Result
-from pfslam_viz.spared import spared
 
 if TYPE_CHECKING:
     from pfslam_viz.viewer.stream import ReplayStream
@@ -139,7 +138,6 @@ def open_stream(
 
     sink = stack.enter_context(sinks.open())
     sink.hurry = stopped
-    stack.enter_context(spared("pandas"))  # which pyarrow imports with its first array, where it is installed
     return replay_stream(recording, config, sink, detail.options())
 
 
