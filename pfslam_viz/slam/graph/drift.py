@@ -90,9 +90,9 @@ def joint_deviations(
     joint; elsewhere that of the ``motion`` constraints (odometry) of the graph.
     """
     joined = spanned(matched, count, longest_hop)
-    odometry = np.zeros((count - 1, 2))
-    odometry[motion.start, 0] = motion.information[:, 0, 0] ** -0.5
-    odometry[motion.start, 1] = motion.information[:, 2, 2] ** -0.5
+    known = np.zeros((count - 1, 2))
+    np.add.at(known, motion.start, motion.information[:, [0, 2], [0, 2]])  # heading may be a constraint of its own
+    odometry = known**-0.5
     return np.where(joined[:, None], deviation, np.maximum(odometry, deviation))
 
 

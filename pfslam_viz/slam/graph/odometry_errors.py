@@ -25,6 +25,8 @@ class OdometryErrors:
         scale: metres driven per metre that the odometry says.
         distance: its position's noise, as a multiple of what the settings say.
         angle: its heading's.
+        proven: the same two, 1 unless they are so small over spans of any length (:func:`~.proven_odometry.prove`).
+        held: that of the heading where scans match, too; 1 unless matches are known to have been wrong.
     """
 
     def __init__(self, config: OdometryConfig, *, forget: bool = True) -> None:
@@ -32,6 +34,8 @@ class OdometryErrors:
         self.config = config
         memory = config.memory if forget else None
         self.scale = self.distance = self.angle = 1.0
+        self.proven = 1.0, 1.0
+        self.held = 1.0
         self._turns = Latest(1, memory)  # over what the settings expect
         self._motions = Latest(4, memory)  # those that tell the scale
 
@@ -41,7 +45,7 @@ class OdometryErrors:
     ) -> "OdometryErrors":
         """Of many motions at once, (k, 3), (k, 3), (k, 3, 3), (k, 3); see :meth:`add`."""
         errors = cls(config, forget=False)
-        for motion in zip(odometry, found, errors._known(information), deviation, strict=True):
+        for motion in zip(odometry, found, errors.known(information), deviation, strict=True):
             errors._remember(*motion)
         errors._evaluate()
         return errors
@@ -51,10 +55,10 @@ class OdometryErrors:
 
         ``information`` (3, 3) is the match's, ``deviation`` (3,) the odometry's noise as the settings say it.
         """
-        self._remember(odometry, found, bool(self._known(information)), deviation)
+        self._remember(odometry, found, bool(self.known(information)), deviation)
         self._evaluate()
 
-    def _known(self, information: Array) -> NDArray[np.bool_]:
+    def known(self, information: Array) -> NDArray[np.bool_]:
         """Whether matches' information (..., 3, 3) leaves no direction open."""
         position = information[..., :2, :2]
         least = self.config.scale_known * (position[..., 0, 0] + position[..., 1, 1])

@@ -47,6 +47,7 @@ class Reviser:
         self._deviation, self._measured = np.zeros(2), 0  # of a match, and how many matches told it
         self.held, self._chosen = False, 0  # whether the filter's headings are held, as chosen at so many key scans
         self.visits = NOTHING  # matches of the key scans looked at last with earlier visits
+        self.misled = False  # whether matches were found to be wrong, as the smoother says
         self.moved = 0.0  # m, by the revision that moved a pose farthest
         self.closed: Indices = np.zeros((0, 2), np.int64)  # pairs of key scans whose loops were closed
 
@@ -75,19 +76,22 @@ class Reviser:
         gates = np.array(self.config.smoothing.gates)
         smoother.learn_errors(poses)
         smoother.held = self.held
+        start = smoother.straighten(poses)
+        self.misled = smoother.misled
         if n >= max(c.first_choice, (1.0 + c.choice_share) * self._chosen):
             self._chosen = n
-            revised, support = smoother.choose_held(poses, c.choice_sure)
+            revised, support = smoother.choose_held(start, c.choice_sure)
             self.held = smoother.held
         else:
-            revised, support = smoother.relax(poses, gates)
+            revised, support = smoother.relax(start, gates)
         revised, _, joined = smoother.close_best(revised, support, loops)
         if len(joined):
             self._closures = NOTHING  # if what comes of them is refused below, they need not be tried again
         moved = float(np.hypot(*(revised - poses)[:, :2].T).max())
         if moved < c.least_move:
             return None
-        if compare(smoother.scans, revised, poses, self.config.evidence).sigmas < c.sure:
+        verdict = compare(smoother.scans, revised, poses, self.config.evidence)
+        if verdict.sigmas < smoother.asked_of(revised, poses, c.sure):
             return None
         self.moved = max(self.moved, moved)
         self.closed = np.concatenate([self.closed, joined])

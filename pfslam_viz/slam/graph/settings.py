@@ -103,6 +103,22 @@ class OdometryConfig(Section):
     scale_known: float = setting(0.05, "... if the scans know every direction by this share", ge=0, lt=0.5)
     scale_motions: int = setting(20, "motions that have to tell it", ge=1)
     largest_scale: float = setting(1.25, "a scale above this, or below its inverse, is not believed", gt=1)
+    proven: float = setting(
+        0.25,
+        "times the noise in the settings under which odometry is proven, if it is so over spans of any length; "
+        "where scans were matched wrongly, its heading is held so firmly between matches, too",
+        ge=0,
+        le=1,
+    )
+    proven_motions: int = setting(80, "motions between key scans that have to tell it", ge=8)
+    doubt: float = setting(
+        5.0, "proven odometry's standard deviations beyond which a step of the trajectory is doubted ...", gt=0
+    )
+    doubt_distance: float = setting(0.15, "... if it is at least so far off ...", "m", ge=0)
+    doubt_angle: float = setting(0.03, "... or so much", "rad", ge=0)
+    overruled: float = setting(
+        2.0, "standard errors from which the scans' word for such steps counts more than proven odometry's", ge=0
+    )
 
 
 class LoopClosingConfig(Section):

@@ -15,6 +15,7 @@ from pfslam_viz.slam.graph.filter_constraints import filter_constraints, heading
 from pfslam_viz.slam.graph.loop_closing import confirmed, find_loops
 from pfslam_viz.slam.graph.odometry_errors import OdometryErrors
 from pfslam_viz.slam.graph.pose_graph import Constraints, optimize, residuals, turned, weights
+from pfslam_viz.slam.graph.proven_odometry import doubted, prove, straightened
 from pfslam_viz.slam.graph.scan_store import ScanStore, trusted
 from pfslam_viz.slam.graph.settings import GraphConfig, SmoothingConfig
 from pfslam_viz.slam.graph.sliding import hold_along
@@ -50,6 +51,7 @@ class Smoother:
         self._errors = OdometryErrors(config.odometry)
         self._kept: tuple[bytes, tuple[Constraints, Constraints]] | None = None  # what was matched last
         self.held = False  # whether the filter's headings over long spans are held
+        self.misled = False  # whether matches were wrong where proven odometry was right
 
     def smooth(self, poses: Array) -> Smoothed:
         """The key poses that agree best with all matches between neighbouring key scans and with the odometry.
@@ -62,6 +64,7 @@ class Smoother:
         poses, _ = self.relax(poses, np.array(self.config.first_gates))
         self.share_walls(poses)
         self.learn_errors(poses)
+        poses = self.straighten(poses)
         poses, support = self.choose_held(poses, self._settings.filter_constraints.sure)
         if self.loops.enabled:
             for _ in range(self.loops.searches):
@@ -173,7 +176,48 @@ class Smoother:
         self._errors = OdometryErrors.of(
             config, self._odometry[found.end], found.measured, found.information, deviation
         )
+        known = np.zeros(len(poses) - 1, np.bool_)
+        known[found.start] = self._errors.known(found.information)
+        self._errors.proven = prove(poses, *self._steps(), known, config)
+        self._errors.held = self._errors.proven[1] if self.misled else 1.0
         return self._errors
+
+    def _steps(self) -> tuple[Array, Array]:
+        """The odometry (k - 1, 3) between key scans with the wheels' scale, and its noise as the settings say."""
+        scale = self._errors.scale
+        steps = self._odometry[1:] * [scale, scale, 1.0]
+        return steps, odometry_deviation(self._odometry[1:], self.config)
+
+    def doubted(self, poses: Array) -> NDArray[np.bool_]:
+        """Which steps (k - 1,) of the trajectory contradict odometry that has proven right."""
+        config = self._settings.odometry
+        return doubted(poses, *self._steps(), self._errors.proven, config) & ~self._unknown[1:].any(axis=1)
+
+    def straighten(self, poses: Array) -> Array:
+        """Key poses (k, 3) that go with odometry that has proven right where these contradict it.
+
+        All is matched anew from there. Unless the scans say that these are better, or there is no such step.
+        """
+        joints = self.doubted(poses)
+        if not joints.any():
+            return poses
+        other = straightened(poses, self._steps()[0], joints)
+        for gates in (self.config.first_gates, self.config.gates):
+            other, _ = self.relax(other, np.array(gates))
+        if compare(self.scans, other, poses, self._settings.evidence).sigmas < -self._settings.odometry.overruled:
+            return poses
+        self.misled = True
+        self.share_walls(other)
+        self.learn_errors(other)
+        return other
+
+    def asked_of(self, trial: Array, poses: Array, sigmas: float) -> float:
+        """The standard errors by which scans must prefer the ``trial`` (k, 3) to the ``poses`` (k, 3).
+
+        So many ``sigmas``; but a trial that contradicts proven odometry less often only must not be clearly worse.
+        """
+        better = np.count_nonzero(self.doubted(trial)) < np.count_nonzero(self.doubted(poses))
+        return min(sigmas, -self._settings.odometry.overruled) if better else sigmas
 
     def is_better(self, trial: Array, poses: Array, gain: float) -> bool:
         """Whether a loop is to be closed: ``trial`` (k, 3) with it closed, ``poses`` (k, 3) without.
@@ -297,19 +341,28 @@ def odometry_constraints(
 
     Where no match bridges a joint (k - 1,), the odometry is as firm as it has proven to be, and not robust. Elsewhere
     it is as loose as the settings say: its errors are alike over many steps (a gyro's bias), and must not bend what
-    the scans know. ``unknown`` (k, 3) m, m, rad is added to its noise; where there is any, it has not proven anything.
+    the scans know. Only once matches were found to be wrong, a heading that has proven right over long spans is held
+    there, by a constraint of its own.
+    ``unknown`` (k, 3) m, m, rad is added to the odometry's noise; where there is any, it has not proven anything.
     """
     deviation = odometry_deviation(odometry[1:], config)
     added = np.zeros_like(deviation) if unknown is None else unknown[1:]
     guessed = added.max(axis=1, initial=0.0) > 0.0
     loose = bridged | guessed
     deviation *= np.where(loose[:, None], 1.0, [errors.distance, errors.distance, errors.angle])
+    if errors.held < 1.0:
+        deviation[bridged & ~guessed, 2] *= errors.held
     deviation += added
     steps = odometry[1:] * np.where(guessed[:, None], 1.0, [errors.scale, errors.scale, 1.0])
     information = np.zeros((len(steps), 3, 3))
     information[:, [0, 1, 2], [0, 1, 2]] = deviation**-2
     at = np.arange(len(steps))
-    return Constraints(at, at + 1, steps, information, loose)
+    if errors.held == 1.0:
+        return Constraints(at, at + 1, steps, information, loose)
+    heading = np.zeros_like(information)
+    heading[:, 2, 2] = information[:, 2, 2]
+    position = Constraints(at, at + 1, steps, information - heading, loose)
+    return Constraints.join([position, Constraints(at, at + 1, steps, heading, guessed)])
 
 
 def hold_together(poses: Array, motion: Constraints, scale: float) -> Constraints:

@@ -338,7 +338,9 @@ class RaoBlackwellizedFilter(Belief):
         s = self._settings
         unknown = self._history.unknown() * [s.unknown_speed, s.unknown_speed, s.unknown_turn]
         found = self._history.increments(self._leader)
-        return Smoother(self._scans, self._history.odometry(), found, config, unknown)
+        smoother = Smoother(self._scans, self._history.odometry(), found, config, unknown)
+        smoother.misled = self._reviser.misled
+        return smoother
 
     def _redrawn(self, poses: Array) -> TileMaps:
         """One map of all key scans, as seen from ``poses`` (k, 3)."""
@@ -360,7 +362,8 @@ class RaoBlackwellizedFilter(Belief):
         if not self.config.smoothing.enabled or len(self._scans) == 0:
             return
         before = self._key_poses()
-        smoothed = self._smoother(self.config).smooth(before)
+        smoother = self._smoother(self.config)
+        smoothed = smoother.smooth(before)
         if self._reviser.moved > self.config.revision.doubtful:  # perhaps for the worse
             own = geometry.accumulate(np.vstack([before[:1], self._history.increments(self._leader)]))
             other = self._smoother(self.config).smooth(own)
@@ -369,7 +372,7 @@ class RaoBlackwellizedFilter(Belief):
                 smoothed = other
         self._verdict = compare(self._scans, smoothed.poses, before, self.config.evidence, visits_alike=True)
         closed = self._reviser.closed
-        if self._verdict.sigmas >= self.config.evidence.preferred:
+        if self._verdict.sigmas >= smoother.asked_of(smoothed.poses, before, self.config.evidence.preferred):
             self._smoothed = smoothed.poses
             closed = np.concatenate([closed, smoothed.closed])
             self._show_only(TileMaps(1, self._maps.settings))  # the old ones go first

@@ -1,0 +1,93 @@
+"""Odometry that has proven right over long spans, and where a trajectory turns against it.
+
+One step of good odometry and one of poor look alike beside a match's own noise. Over longer spans they do not:
+errors of single steps grow with the root of the span, those of a gyro's bias or a wheel's size with the span itself,
+as in Allan's variance (Allan 1966). So odometry is proven if its difference to the trajectory, by medians and as a
+multiple of what the settings expect, is small over spans of all lengths.
+
+Such odometry tells where scans were matched wrongly (people who walk along, a hall of which hardly a wall is in view):
+a step of the trajectory that contradicts it by far. Matching the same scans again from there finds the same again, so
+the trajectory is laid out anew as the odometry says there. From then on its heading is held between matches, too: where
+matches are right, it is left loose there, because a bias of the gyro would bend what the scans know.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pfslam_viz import geometry
+from pfslam_viz.slam.graph.odometry_errors import NORMAL
+from pfslam_viz.slam.graph.settings import OdometryConfig
+
+Array = NDArray[np.float64]
+
+WINDOWS = 4  # spans are no longer than this share of the way: fewer are no median
+
+
+def greatest_multiple(missed: Array, deviation: Array) -> float:
+    """The standard deviation of sums of ``missed`` (k,) over that of independent errors of ``deviation`` (k,).
+
+    By the median absolute deviation, over spans of 1, 2, 4, ... steps; the greatest of them.
+    """
+    total = np.concatenate([[0.0], np.cumsum(missed)])
+    variance = np.concatenate([[0.0], np.cumsum(deviation**2)])
+    greatest, span = 0.0, 1
+    while WINDOWS * span <= len(missed):
+        ratios = np.abs(total[span:] - total[:-span]) / np.sqrt(variance[span:] - variance[:-span])
+        greatest = max(greatest, NORMAL * float(np.median(ratios)))
+        span *= 2
+    return greatest
+
+
+def prove(
+    poses: Array, steps: Array, deviation: Array, known: NDArray[np.bool_], config: OdometryConfig
+) -> tuple[float, float]:
+    """How much less than the settings say odometry errs in position and heading; 1 for what is not proven.
+
+    ``steps`` (k - 1, 3) are the odometry's between the key ``poses`` (k, 3), the wheels' scale corrected, of
+    ``deviation`` (k - 1, 3) m, m, rad as the settings say. How far it drove is asked only where scans have ``known``
+    (k - 1,) every direction.
+    """
+    missed = missed_by(poses, steps)
+    driven = np.hypot(steps[:, 0], steps[:, 1])
+    told = known & (driven >= config.scale_driven)
+    ahead = (missed[told, :2] * steps[told, :2]).sum(axis=1) / driven[told]
+    return (
+        _proven(ahead, deviation[told, 0], config),
+        _proven(missed[:, 2], deviation[:, 2], config),
+    )
+
+
+def _proven(missed: Array, deviation: Array, config: OdometryConfig) -> float:
+    if len(missed) < config.proven_motions:
+        return 1.0
+    multiple = greatest_multiple(missed, deviation)
+    return max(multiple, config.least_noise) if multiple < config.proven else 1.0
+
+
+def missed_by(poses: Array, steps: Array) -> Array:
+    """(k - 1, 3) by how much key ``poses`` (k, 3) go otherwise than ``steps`` (k - 1, 3), in each start's frame."""
+    missed = geometry.between(poses[:-1], poses[1:]) - steps
+    missed[:, 2] = geometry.wrap(missed[:, 2])
+    return missed
+
+
+def doubted(
+    poses: Array, steps: Array, deviation: Array, proven: tuple[float, float], config: OdometryConfig
+) -> NDArray[np.bool_]:
+    """Which steps (k - 1,) of the key ``poses`` (k, 3) contradict odometry that is ``proven``, as by :func:`prove`.
+
+    By more than its errors explain, and by more than matches would find from another start anyway.
+    """
+    missed = missed_by(poses, steps)
+    of_distance, of_angle = proven
+    moved = np.hypot(missed[:, 0], missed[:, 1])
+    far = moved > np.maximum(config.doubt * of_distance * deviation[:, 0], config.doubt_distance)
+    turned = np.abs(missed[:, 2]) > np.maximum(config.doubt * of_angle * deviation[:, 2], config.doubt_angle)
+    doubtful: NDArray[np.bool_] = (far & (of_distance < 1.0)) | (turned & (of_angle < 1.0))
+    return doubtful
+
+
+def straightened(poses: Array, steps: Array, joints: NDArray[np.bool_]) -> Array:
+    """Key ``poses`` (k, 3) laid out anew, with the odometry's ``steps`` (k - 1, 3) at some ``joints`` (k - 1,)."""
+    own = geometry.between(poses[:-1], poses[1:])
+    return geometry.accumulate(np.vstack([poses[:1], np.where(joints[:, None], steps, own)]))
