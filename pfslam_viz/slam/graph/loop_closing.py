@@ -125,6 +125,8 @@ def _search(
 
     The increment (3,) is within ``reach`` m and ``turn`` rad of the pivot; None where there is no such place.
     """
+    if len(there) == 0 or len(seen) == 0:
+        return None  # all was out of range
     centre, cell = pivot[:2], config.cell
     points = (geometry.transform(pivot, seen[:: max(1, len(seen) // config.points)]) - centre) / cell
     field, corner = blurred(there, centre, reach + config.view, cell, config.blur)
@@ -162,6 +164,8 @@ def blurred(points: Array, centre: Array, half: float, cell: float, blur: float)
     corner = centre - half
     cells = np.floor((points - corner) / cell).astype(np.int64)
     inside = ((cells >= 0) & (cells < n)).all(axis=1)
+    if not inside.any():
+        return np.zeros((n, n), np.float32), corner  # the distance transform has no answer
     free = np.ones((n, n), np.uint8)
     free[cells[inside, 1], cells[inside, 0]] = 0
     distance = cv2.distanceTransform(free, cv2.DIST_L2, 3) * cell

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.simulation.sensors import true_ranges
+from pfslam_viz.slam.graph import loop_closing
 from pfslam_viz.slam.graph.drift import Drift
 from pfslam_viz.slam.graph.loop_closing import blurred, find_candidates, find_loops, overlay
 from pfslam_viz.slam.graph.scan_store import ScanStore
@@ -125,3 +126,18 @@ def test_a_loop_is_found_where_the_walls_tell_and_not_in_a_bare_hall(features: b
         assert not loop.robust.any()
         true = geometry.between(truth[loop.start], truth[loop.end])
         np.testing.assert_allclose(loop.measured, true, atol=0.03)
+
+
+def test_where_everything_is_out_of_range_no_loop_is_looked_for() -> None:
+    """Round the block once more, past a stretch where no scan had an end point: nothing to compare, and no error."""
+    nothing, wall = np.zeros((0, 2)), np.array([[1.0, 0.2], [1.1, 0.2], [1.2, 0.2]])
+    for there, seen in ((nothing, wall), (wall, nothing), (nothing, nothing)):
+        assert loop_closing._search(there, seen, np.zeros(3), 1.0, 0.2, CONFIG) is None
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_map_of_walls_that_are_elsewhere_is_empty() -> None:
+    field, corner = blurred(np.array([[50.0, 0.0]]), np.zeros(2), 5.0, 0.1, 0.12)
+    assert field.shape == (100, 100)
+    assert not field.any()
+    np.testing.assert_allclose(corner, [-5.0, -5.0])
