@@ -2,6 +2,7 @@
 
 python -m benchmarks yardstick --data DIR --scratch DIR --seeds 3
 python -m benchmarks yardstick --data DIR --only thinned --seeds 5 --set loop_closing.enabled=false
+python -m benchmarks yardstick --data DIR --only thinned --good-odometry --set rao_blackwellized.max_range=5.0
 
 Where the truth or a reference is known, the error is the rmse of position with the first poses laid over each other
 ("shape" is that of the settled trajectory after the best rigid fit: references of real drives have first poses that are
@@ -23,6 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pfslam_viz import geometry
 from pfslam_viz.config import Config, load_config
 from pfslam_viz.evaluation.relations import relation_errors
 from pfslam_viz.evaluation.trajectory_error import trajectory_error
@@ -100,6 +102,11 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--seeds", type=int, default=3, help="seeds 0, 1, ... of the filter")
     parser.add_argument("--only", action="append", help="part of a label; repeatable")
     parser.add_argument("--unseen", action="store_true", help="the recordings that are kept for the end")
+    parser.add_argument(
+        "--good-odometry",
+        action="store_true",
+        help="odometry that is nearly right, made of the truth where it is known",
+    )
     parser.add_argument("--set", action="append", default=[], help="section.key=value on top of the default")
     parser.add_argument("--json", type=Path, help="write every number into this file")
     given = parser.parse_args(arguments)
@@ -120,6 +127,8 @@ def main(arguments: list[str]) -> None:
             if recording is None:
                 print(f"{entry.label}: not in {given.data}", file=sys.stderr)
                 continue
+            if given.good_odometry:
+                recording = with_good_odometry(recording)
             outcomes = [run(recording, config, seed) for seed in range(given.seeds)]
             print(row(entry.label, outcomes), flush=True)
             numbers[entry.label] = [vars(outcome) for outcome in outcomes]
@@ -144,6 +153,19 @@ def load(entry: Entry, data: Path, scratch: Path) -> Recording | None:
     if entry.reference:
         recording = replace(recording, truth=reference(data / entry.reference))
     return recording
+
+
+def with_good_odometry(recording: Recording) -> Recording:
+    """The same with the true motions as odometry, off by 0.5 % of the way, 0.2 % of a turn and 0.6 mrad per √m."""
+    if recording.truth is None:
+        return recording
+    rng = np.random.default_rng(7)
+    poses = recording.truth.at(recording.stamps)
+    steps = np.vstack([np.zeros(3), geometry.between(poses[:-1], poses[1:])])
+    driven = np.hypot(steps[:, 0], steps[:, 1])
+    steps[:, :2] *= rng.normal(1.0, 0.005, len(steps))[:, None]
+    steps[:, 2] += rng.standard_normal(len(steps)) * (0.002 * np.abs(steps[:, 2]) + 0.0006 * np.sqrt(driven))
+    return replace(recording, odometry=steps, odometry_known=None)
 
 
 def reference(path: Path) -> Trajectory:
