@@ -70,12 +70,14 @@ class Kept:
 
     ``gain`` is by how much more the scans agree with the settled one, as a share of a scan's end points, judged by
     scans that no fit had matched; ``sigmas`` is that over its standard error. The settled one is kept if the scans
-    speak for it by as many as the settings ask for, else the ``online`` one.
+    speak for it by as many as the settings ask for, else the ``online`` one; or, ``by_odometry``, if the other
+    contradicts odometry that has proven right more often, and the scans do not speak for that clearly.
     """
 
     trajectory: Literal["settled", "online"]
     gain: float
     sigmas: float
+    by_odometry: bool = False
 
 
 @dataclass(frozen=True, slots=True)

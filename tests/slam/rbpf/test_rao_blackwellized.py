@@ -21,6 +21,7 @@ from pfslam_viz.simulation.sensors import true_ranges
 from pfslam_viz.slam.graph.evidence import Verdict
 from pfslam_viz.slam.graph.scan_store import Matches
 from pfslam_viz.slam.graph.settings import SmoothingConfig
+from pfslam_viz.slam.graph.smoothing import Smoother
 from pfslam_viz.slam.protocol import Estimate, Kept, Scan
 from pfslam_viz.slam.rbpf import rao_blackwellized
 from pfslam_viz.slam.rbpf.rao_blackwellized import RaoBlackwellizedFilter
@@ -652,6 +653,26 @@ def test_the_settled_trajectory_is_kept_if_the_scans_prefer_it(
     assert slam.kept == Kept("settled" if settled else "online", 0.01, sigmas)
     assert bool((slam.trajectory() == before).all()) != settled
     assert (slam.grid.log_odds.shape == log_odds.shape and bool((slam.grid.log_odds == log_odds).all())) != settled
+
+
+@pytest.mark.parametrize(("asked", "settled"), [(-2.0, True), (-1.0, False)])
+def test_the_settled_trajectory_is_kept_for_the_odometrys_sake_if_the_scans_are_not_sure(
+    in_the_room: Drive, asked: float, settled: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """1.5 standard errors against it, where as many as ``asked`` are enough."""
+    monkeypatch.setattr(rao_blackwellized, "compare", lambda *_, **__: Verdict(-0.01, -1.5, 100))
+    monkeypatch.setattr(Smoother, "asked_of", lambda *_: asked)
+    slam = RaoBlackwellizedFilter(config())
+    run(slam, Drive(in_the_room.truth[:90], in_the_room.odometry[:90], in_the_room.scans[:90]))
+    slam.finish()
+    assert slam.kept == Kept("settled" if settled else "online", -0.01, -1.5, by_odometry=settled)
+
+
+def test_what_revisions_found_of_the_matches_is_known_at_the_end() -> None:
+    slam = RaoBlackwellizedFilter(config())
+    for misled in (False, True):
+        slam._reviser.misled = misled
+        assert slam._smoother(slam.config).misled == misled
 
 
 def test_the_settled_trajectory_of_a_round_is_preferred(in_the_room: Drive) -> None:
