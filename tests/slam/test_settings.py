@@ -238,8 +238,7 @@ FILTER = (
 )
 ELSEWHERE = (  # too short a drive: see below, and, of the odometry, tests/slam/graph/test_proven_odometry.py
     *(f"filter_constraints.{name}" for name in ("spans", "span_angle", "sure", "least_share", "fewest_walls")),
-    *(f"odometry.{name}" for name in ("proven", "proven_motions", "overruled")),
-    *(f"odometry.{name}" for name in ("doubt", "doubt_distance", "doubt_angle")),
+    *(f"odometry.{name}" for name in OdometryConfig.model_fields if name.startswith(("proven", "doubt", "overruled"))),
 )
 
 

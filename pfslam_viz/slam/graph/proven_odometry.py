@@ -20,7 +20,7 @@ from pfslam_viz.slam.graph.settings import OdometryConfig
 
 Array = NDArray[np.float64]
 
-WINDOWS = 4  # spans are no longer than this share of the way: fewer are no median
+SPANS = 4  # that the way has at least, of any length: fewer tell no median
 
 
 def greatest_multiple(missed: Array, deviation: Array) -> float:
@@ -31,7 +31,7 @@ def greatest_multiple(missed: Array, deviation: Array) -> float:
     total = np.concatenate([[0.0], np.cumsum(missed)])
     variance = np.concatenate([[0.0], np.cumsum(deviation**2)])
     greatest, span = 0.0, 1
-    while WINDOWS * span <= len(missed):
+    while SPANS * span <= len(missed):
         ratios = np.abs(total[span:] - total[:-span]) / np.sqrt(variance[span:] - variance[:-span])
         greatest = max(greatest, NORMAL * float(np.median(ratios)))
         span *= 2
@@ -51,10 +51,7 @@ def prove(
     driven = np.hypot(steps[:, 0], steps[:, 1])
     told = known & (driven >= config.scale_driven)
     ahead = (missed[told, :2] * steps[told, :2]).sum(axis=1) / driven[told]
-    return (
-        _proven(ahead, deviation[told, 0], config),
-        _proven(missed[:, 2], deviation[:, 2], config),
-    )
+    return _proven(ahead, deviation[told, 0], config), _proven(missed[:, 2], deviation[:, 2], config)
 
 
 def _proven(missed: Array, deviation: Array, config: OdometryConfig) -> float:

@@ -171,27 +171,27 @@ class Smoother:
             found = match(self.scans, poses, successive, gates, self.config)
         known = ~self._unknown[found.end].any(axis=1)
         found = found.pick(np.flatnonzero(known & (found.end - found.start == 1)))
-        deviation = odometry_deviation(self._odometry[1:], self.config)[found.start]
+        deviation = odometry_deviation(self._odometry[1:], self.config)
         config = self._settings.odometry
-        self._errors = OdometryErrors.of(
-            config, self._odometry[found.end], found.measured, found.information, deviation
+        errors = self._errors = OdometryErrors.of(
+            config, self._odometry[found.end], found.measured, found.information, deviation[found.start]
         )
-        known = np.zeros(len(poses) - 1, np.bool_)
-        known[found.start] = self._errors.known(found.information)
-        self._errors.proven = prove(poses, *self._steps(), known, config)
-        self._errors.held = self._errors.proven[1] if self.misled else 1.0
-        return self._errors
+        told = np.zeros(len(poses) - 1, np.bool_)
+        told[found.start] = errors.known(found.information)
+        errors.proven = prove(poses, self._steps(), deviation, told, config)
+        errors.held = errors.proven[1] if self.misled else 1.0
+        return errors
 
-    def _steps(self) -> tuple[Array, Array]:
-        """The odometry (k - 1, 3) between key scans with the wheels' scale, and its noise as the settings say."""
-        scale = self._errors.scale
-        steps = self._odometry[1:] * [scale, scale, 1.0]
-        return steps, odometry_deviation(self._odometry[1:], self.config)
+    def _steps(self) -> Array:
+        """The odometry (k - 1, 3) from key scan to key scan with the wheels' scale."""
+        steps: Array = self._odometry[1:] * [self._errors.scale, self._errors.scale, 1.0]
+        return steps
 
     def doubted(self, poses: Array) -> NDArray[np.bool_]:
         """Which steps (k - 1,) of the trajectory contradict odometry that has proven right."""
-        config = self._settings.odometry
-        return doubted(poses, *self._steps(), self._errors.proven, config) & ~self._unknown[1:].any(axis=1)
+        deviation = odometry_deviation(self._odometry[1:], self.config)
+        contradicts = doubted(poses, self._steps(), deviation, self._errors.proven, self._settings.odometry)
+        return contradicts & ~self._unknown[1:].any(axis=1)
 
     def straighten(self, poses: Array) -> Array:
         """Key poses (k, 3) that go with odometry that has proven right where these contradict it.
@@ -201,7 +201,7 @@ class Smoother:
         joints = self.doubted(poses)
         if not joints.any():
             return poses
-        other = straightened(poses, self._steps()[0], joints)
+        other = straightened(poses, self._steps(), joints)
         for gates in (self.config.first_gates, self.config.gates):
             other, _ = self.relax(other, np.array(gates))
         if compare(self.scans, other, poses, self._settings.evidence).sigmas < -self._settings.odometry.overruled:

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from pfslam_viz import geometry
 from pfslam_viz.simulation.sensors import true_ranges
+from pfslam_viz.slam.graph import revision
+from pfslam_viz.slam.graph.evidence import Verdict
 from pfslam_viz.slam.graph.odometry_errors import OdometryErrors
 from pfslam_viz.slam.graph.pose_graph import Constraints
 from pfslam_viz.slam.graph.revision import Reviser
@@ -162,6 +164,34 @@ def test_where_nothing_is_off_nothing_is_revised(scans: ScanStore, truth: Array)
     for count in (100, 170, 190, 210):
         assert reviser.revise(smoother_of(scans, poses[:count], reviser), poses[:count]) is None
     assert len(reviser.closed) == 0
+
+
+@pytest.mark.parametrize(("asked_of", "taken"), [(-2.0, True), (-1.0, False)])
+def test_a_revision_starts_from_straightened_poses_and_is_judged_as_such(
+    asked_of: float, taken: bool, scans: ScanStore, truth: Array, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The scans are against it by 1.5 standard errors. That matches were wrong is remembered, taken or not."""
+    reviser = Reviser(settings(pause=20))
+    smoother = Scripted(scans, truth[:20], reviser)
+    straight: Array = truth[:20] + np.array([0.0, 0.1, 0.0])
+    began: list[Array] = []
+
+    def straighten(poses: Array) -> Array:
+        smoother.misled = True
+        return straight
+
+    def relax(poses: Array, gates: Array) -> tuple[Array, float]:
+        began.append(poses)
+        return straight, 1.0
+
+    monkeypatch.setattr(smoother, "straighten", straighten)
+    monkeypatch.setattr(smoother, "relax", relax)
+    monkeypatch.setattr(smoother, "asked_of", lambda *_: asked_of)
+    monkeypatch.setattr(revision, "compare", lambda *_: Verdict(0.0, -1.5, 9))
+    revised = reviser.revise(smoother, truth[:20])
+    assert began[0] is straight
+    assert (revised is not None) == taken
+    assert reviser.misled
 
 
 def test_a_revision_has_to_wait_for_the_pause(scans: ScanStore, truth: Array) -> None:
