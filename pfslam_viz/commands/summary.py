@@ -122,8 +122,8 @@ def _run(result: Result, seconds: float, log_seconds: float) -> Iterator[tuple[s
 
 def _kept(kept: Kept) -> str:
     """Which trajectory was kept, and why."""
-    if kept.by_odometry:
-        return f"settled: odometry that has proven right speaks for it, the scans by {kept.sigmas:.1f} sigmas"
+    if kept.trajectory == "settled" and kept.sigmas < 0.0:
+        return f"settled: odometry speaks for it, and the scans not clearly against it ({kept.sigmas:.1f} sigmas)"
     if kept.trajectory == "settled":
         return f"settled: the scans speak for it by {kept.sigmas:.1f} sigmas"
     return "online: the scans do not speak for the settled trajectory"

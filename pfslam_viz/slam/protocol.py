@@ -70,14 +70,13 @@ class Kept:
 
     ``gain`` is by how much more the scans agree with the settled one, as a share of a scan's end points, judged by
     scans that no fit had matched; ``sigmas`` is that over its standard error. The settled one is kept if the scans
-    speak for it by as many as the settings ask for, else the ``online`` one; or, ``by_odometry``, if the other
-    contradicts odometry that has proven right more often, and the scans do not speak for that clearly.
+    speak for it by as many as the settings ask for, else the ``online`` one; where that contradicts odometry that has
+    proven right more often, the settled one is kept unless they speak against it clearly.
     """
 
     trajectory: Literal["settled", "online"]
     gain: float
     sigmas: float
-    by_odometry: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -384,10 +384,7 @@ class RaoBlackwellizedFilter(Belief):
         """Which trajectory is left now that all scans are in, and why; None before, or if nothing was settled."""
         if self._verdict is None:
             return None
-        gain, sigmas = self._verdict.gain, self._verdict.sigmas
-        if self._smoothed is None:
-            return Kept("online", gain, sigmas)
-        return Kept("settled", gain, sigmas, by_odometry=sigmas < self.config.evidence.preferred)
+        return Kept("online" if self._smoothed is None else "settled", self._verdict.gain, self._verdict.sigmas)
 
     @property
     def settles(self) -> bool:

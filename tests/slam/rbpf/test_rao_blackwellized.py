@@ -665,7 +665,7 @@ def test_the_settled_trajectory_is_kept_for_the_odometrys_sake_if_the_scans_are_
     slam = RaoBlackwellizedFilter(config())
     run(slam, Drive(in_the_room.truth[:90], in_the_room.odometry[:90], in_the_room.scans[:90]))
     slam.finish()
-    assert slam.kept == Kept("settled" if settled else "online", -0.01, -1.5, by_odometry=settled)
+    assert slam.kept == Kept("settled" if settled else "online", -0.01, -1.5)
 
 
 def test_what_revisions_found_of_the_matches_is_known_at_the_end() -> None:
