@@ -25,7 +25,7 @@ class OdometryErrors:
         scale: metres driven per metre that the odometry says.
         distance: its position's noise, as a multiple of what the settings say.
         angle: its heading's.
-        proven: the same two, 1 unless they are so small over spans of any length (:func:`~.proven_odometry.prove`).
+        proven: the same two, 1 unless they are so small over longer spans, too (:func:`~.proven_odometry.prove`).
         held: that of the heading where scans match, too; 1 unless matches are known to have been wrong.
     """
 

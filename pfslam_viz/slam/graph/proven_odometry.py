@@ -1,13 +1,14 @@
-"""Odometry that has proven right over long spans, and where a trajectory turns against it.
+"""Odometry that has proven right, and where a trajectory turns against it.
 
-One step of good odometry and one of poor look alike beside a match's own noise. Over longer spans they do not:
+One step of good odometry and one of poor look alike beside a match's own noise. Over some more they do not:
 errors of single steps grow with the root of the span, those of a gyro's bias or a wheel's size with the span itself,
 as in Allan's variance (Allan 1966). So odometry is proven if its difference to the trajectory, by medians and as a
-multiple of what the settings expect, is small over spans of all lengths.
+multiple of what the settings expect, is small over spans of one step to many; not of more than that, because a few
+wrong turns of the trajectory itself are in most of the long ones.
 
 Such odometry tells where scans were matched wrongly (people who walk along, a hall of which hardly a wall is in view):
 a step of the trajectory that contradicts it by far. Matching the same scans again from there finds the same again, so
-the trajectory is laid out anew as the odometry says there. From then on its heading is held between matches, too: where
+the whole trajectory is laid out anew as the odometry says. From then on its heading is held between matches, too: where
 matches are right, it is left loose there, because a bias of the gyro would bend what the scans know.
 """
 
@@ -23,15 +24,15 @@ Array = NDArray[np.float64]
 SPANS = 4  # that the way has at least, of any length: fewer tell no median
 
 
-def greatest_multiple(missed: Array, deviation: Array) -> float:
+def greatest_multiple(missed: Array, deviation: Array, longest: int) -> float:
     """The standard deviation of sums of ``missed`` (k,) over that of independent errors of ``deviation`` (k,).
 
-    By the median absolute deviation, over spans of 1, 2, 4, ... steps; the greatest of them.
+    By the median absolute deviation, over spans of 1, 2, 4, ... steps, the ``longest`` at most; the greatest of them.
     """
     total = np.concatenate([[0.0], np.cumsum(missed)])
     variance = np.concatenate([[0.0], np.cumsum(deviation**2)])
     greatest, span = 0.0, 1
-    while SPANS * span <= len(missed):
+    while span <= longest and SPANS * span <= len(missed):
         ratios = np.abs(total[span:] - total[:-span]) / np.sqrt(variance[span:] - variance[:-span])
         greatest = max(greatest, NORMAL * float(np.median(ratios)))
         span *= 2
@@ -57,8 +58,8 @@ def prove(
 def _proven(missed: Array, deviation: Array, config: OdometryConfig) -> float:
     if len(missed) < config.proven_motions:
         return 1.0
-    multiple = greatest_multiple(missed, deviation)
-    return max(multiple, config.least_noise) if multiple < config.proven else 1.0
+    multiple = greatest_multiple(missed, deviation, config.proven_span)
+    return max(multiple, config.proven_least) if multiple < config.proven else 1.0
 
 
 def missed_by(poses: Array, steps: Array) -> Array:
@@ -82,9 +83,3 @@ def doubted(
     turned = np.abs(missed[:, 2]) > np.maximum(config.doubt * of_angle * deviation[:, 2], config.doubt_angle)
     doubtful: NDArray[np.bool_] = (far & (of_distance < 1.0)) | (turned & (of_angle < 1.0))
     return doubtful
-
-
-def straightened(poses: Array, steps: Array, joints: NDArray[np.bool_]) -> Array:
-    """Key ``poses`` (k, 3) laid out anew, with the odometry's ``steps`` (k - 1, 3) at some ``joints`` (k - 1,)."""
-    own = geometry.between(poses[:-1], poses[1:])
-    return geometry.accumulate(np.vstack([poses[:1], np.where(joints[:, None], steps, own)]))

@@ -1,12 +1,13 @@
 """Closing loops while the robot drives: when the trajectory so far is to be settled anew, and what comes of it.
 
-Three things are a reason to look back: the scans of an earlier visit do not match where the trajectory says they
-should; a place is recognised that the trajectory has drifted away from; and every so often the mere number of scans
-since the last time. Once there is more of a map, only recognised places and visits that are far off are: a correction
-on the way parts what comes after it from what came before, by as much as it moves the robot, and where the filter fits
-its own map that is worse than a slight bend, which the end settles. What is found is taken over only if scans that were
-not matched prefer it, as at the end of the run. As in graph-based SLAM with a front end and a back end (Hess et al.
-2016), where here the front end is the particle filter.
+Four things are a reason to look back: the scans of an earlier visit do not match where the trajectory says they
+should; a place is recognised that the trajectory has drifted away from; the filter went against odometry that has
+proven right; and every so often the mere number of scans since the last time. Once there is more of a map, the mere
+number is not, and visits only if they are far off: a correction on the way parts what comes after it from what came
+before, by as much as it moves the robot, and where the filter fits its own map that is worse than a slight bend,
+which the end settles. What is found is taken over only if scans that were not matched prefer it, as at the end of the
+run. As in graph-based SLAM with a front end and a back end (Hess et al. 2016), where here the front end is the
+particle filter.
 """
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from pfslam_viz.slam.graph.drift import match_deviation
 from pfslam_viz.slam.graph.evidence import compare
 from pfslam_viz.slam.graph.loop_closing import confirmed, find_candidates, search_loops
+from pfslam_viz.slam.graph.odometry_errors import OdometryErrors
 from pfslam_viz.slam.graph.pose_graph import Constraints, residuals
 from pfslam_viz.slam.graph.scan_store import ScanStore
 from pfslam_viz.slam.graph.settings import GraphConfig
@@ -47,6 +49,7 @@ class Reviser:
         self._deviation, self._measured = np.zeros(2), 0  # of a match, and how many matches told it
         self.held, self._chosen = False, 0  # whether the filter's headings are held, as chosen at so many key scans
         self.visits = NOTHING  # matches of the key scans looked at last with earlier visits
+        self.errors = OdometryErrors(config.odometry)  # as learned at the last revision
         self.misled = False  # whether matches were found to be wrong, as the smoother says
         self.moved = 0.0  # m, by the revision that moved a pose farthest
         self.closed: Indices = np.zeros((0, 2), np.int64)  # pairs of key scans whose loops were closed
@@ -69,7 +72,8 @@ class Reviser:
         since = n - self._last
         rested = since >= max(c.pause, c.pause_share * n)
         regular = n <= c.early and since >= max(c.pause, c.regular_share * self._last)
-        if not loops and not (rested and off) and not regular:
+        against = bool(smoother.doubted(poses, self.errors)[max(self._last - 1, 0) :].any())
+        if not loops and not (rested and (off or against)) and not regular:
             return None
         smoother.share_walls(poses, self._last)
         self._last = n
@@ -77,7 +81,7 @@ class Reviser:
         smoother.learn_errors(poses)
         smoother.held = self.held
         start = smoother.straighten(poses)
-        self.misled = smoother.misled
+        self.errors, self.misled = smoother.errors, smoother.misled
         if n >= max(c.first_choice, (1.0 + c.choice_share) * self._chosen):
             self._chosen = n
             revised, support = smoother.choose_held(start, c.choice_sure)

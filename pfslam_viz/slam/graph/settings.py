@@ -105,12 +105,18 @@ class OdometryConfig(Section):
     largest_scale: float = setting(1.25, "a scale above this, or below its inverse, is not believed", gt=1)
     proven: float = setting(
         0.25,
-        "times the noise in the settings under which odometry is proven, if it is so over spans of any length; "
-        "where scans were matched wrongly, its heading is held so firmly between matches, too",
+        "times the noise in the settings under which odometry is proven, over spans of one key scan to ...",
         ge=0,
         le=1,
     )
-    proven_motions: int = setting(80, "motions between key scans that have to tell it", ge=8)
+    proven_span: int = setting(16, "... so many: in most that are longer, the trajectory itself may be wrong", ge=1)
+    proven_motions: int = setting(60, "motions between key scans that have to tell it", ge=8)
+    proven_least: float = setting(
+        0.02,
+        "times the noise in the settings, at least, that proven odometry is taken to have; "
+        "where scans were matched wrongly, its heading is held so firmly between matches, too",
+        gt=0,
+    )
     doubt: float = setting(
         5.0, "proven odometry's standard deviations beyond which a step of the trajectory is doubted ...", gt=0
     )

@@ -15,7 +15,7 @@ from pfslam_viz.slam.graph.filter_constraints import filter_constraints, heading
 from pfslam_viz.slam.graph.loop_closing import confirmed, find_loops
 from pfslam_viz.slam.graph.odometry_errors import OdometryErrors
 from pfslam_viz.slam.graph.pose_graph import Constraints, optimize, residuals, turned, weights
-from pfslam_viz.slam.graph.proven_odometry import doubted, prove, straightened
+from pfslam_viz.slam.graph.proven_odometry import doubted, prove
 from pfslam_viz.slam.graph.scan_store import ScanStore, trusted
 from pfslam_viz.slam.graph.settings import GraphConfig, SmoothingConfig
 from pfslam_viz.slam.graph.sliding import hold_along
@@ -48,7 +48,7 @@ class Smoother:
         self._settings = config
         self._odometry, self._found = odometry, found
         self._unknown = np.zeros_like(odometry) if unknown is None else unknown
-        self._errors = OdometryErrors(config.odometry)
+        self.errors = OdometryErrors(config.odometry)  # the odometry's, once they are learned
         self._kept: tuple[bytes, tuple[Constraints, Constraints]] | None = None  # what was matched last
         self.held = False  # whether the filter's headings over long spans are held
         self.misled = False  # whether matches were wrong where proven odometry was right
@@ -135,7 +135,7 @@ class Smoother:
 
     def _motion(self, poses: Array, bridged: NDArray[np.bool_]) -> Constraints:
         """What the odometry says where joints (k - 1,) are ``bridged`` by matches, and where not."""
-        motion = odometry_constraints(self._odometry, self.config, self._errors, bridged, self._unknown)
+        motion = odometry_constraints(self._odometry, self.config, self.errors, bridged, self._unknown)
         return hold_together(poses, motion, self.config.scale)
 
     def choose_held(self, poses: Array, sure: float) -> tuple[Array, float]:
@@ -173,38 +173,42 @@ class Smoother:
         found = found.pick(np.flatnonzero(known & (found.end - found.start == 1)))
         deviation = odometry_deviation(self._odometry[1:], self.config)
         config = self._settings.odometry
-        errors = self._errors = OdometryErrors.of(
+        errors = self.errors = OdometryErrors.of(
             config, self._odometry[found.end], found.measured, found.information, deviation[found.start]
         )
         told = np.zeros(len(poses) - 1, np.bool_)
         told[found.start] = errors.known(found.information)
-        errors.proven = prove(poses, self._steps(), deviation, told, config)
+        errors.proven = prove(poses, self._steps(errors.scale), deviation, told, config)
         errors.held = errors.proven[1] if self.misled else 1.0
         return errors
 
-    def _steps(self) -> Array:
-        """The odometry (k - 1, 3) from key scan to key scan with the wheels' scale."""
-        steps: Array = self._odometry[1:] * [self._errors.scale, self._errors.scale, 1.0]
+    def _steps(self, scale: float) -> Array:
+        """The odometry (k - 1, 3) from key scan to key scan with the wheels' ``scale``."""
+        steps: Array = self._odometry[1:] * [scale, scale, 1.0]
         return steps
 
-    def doubted(self, poses: Array) -> NDArray[np.bool_]:
-        """Which steps (k - 1,) of the trajectory contradict odometry that has proven right."""
+    def doubted(self, poses: Array, errors: OdometryErrors | None = None) -> NDArray[np.bool_]:
+        """Which steps (k - 1,) of the trajectory contradict proven odometry, as learned or as ``errors`` say it is."""
+        errors = errors or self.errors
         deviation = odometry_deviation(self._odometry[1:], self.config)
-        contradicts = doubted(poses, self._steps(), deviation, self._errors.proven, self._settings.odometry)
+        steps = self._steps(errors.scale)
+        contradicts = doubted(poses, steps, deviation, errors.proven, self._settings.odometry)
         return contradicts & ~self._unknown[1:].any(axis=1)
 
     def straighten(self, poses: Array) -> Array:
-        """Key poses (k, 3) that go with odometry that has proven right where these contradict it.
+        """Key poses (k, 3) led by odometry that has proven right, if a step of these contradicts it.
 
-        All is matched anew from there. Unless the scans say that these are better, or there is no such step.
+        They are laid out as it says and matched anew from there, with its heading held. Unless the scans say that
+        these are better.
         """
-        joints = self.doubted(poses)
-        if not joints.any():
+        if not self.doubted(poses).any():
             return poses
-        other = straightened(poses, self._steps(), joints)
+        held, self.errors.held = self.errors.held, self.errors.proven[1]
+        other = geometry.accumulate(np.vstack([poses[:1], self._steps(self.errors.scale)]))
         for gates in (self.config.first_gates, self.config.gates):
             other, _ = self.relax(other, np.array(gates))
         if compare(self.scans, other, poses, self._settings.evidence).sigmas < -self._settings.odometry.overruled:
+            self.errors.held = held
             return poses
         self.misled = True
         self.share_walls(other)

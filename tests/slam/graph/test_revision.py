@@ -105,7 +105,7 @@ class Scripted(Smoother):
 
     def learn_errors(self, poses: Array) -> OdometryErrors:
         """Nothing to learn."""
-        return self._errors
+        return self.errors
 
     def relax(self, poses: Array, gates: Array) -> tuple[Array, float]:
         self.asked.append("held" if self.held else "free")
@@ -192,6 +192,22 @@ def test_a_revision_starts_from_straightened_poses_and_is_judged_as_such(
     assert began[0] is straight
     assert (revised is not None) == taken
     assert reviser.misled
+
+
+def test_going_against_proven_odometry_is_a_reason(scans: ScanStore, truth: Array) -> None:
+    """The filter turns by 0.1 rad too far at 175; at 190 that is a reason, and at 210 it was one before."""
+    poses = drifted(truth, (0.0, 0.0, 0.1), range(175, 176))
+    found = {}
+    for proven in (1.0, 0.1):
+        reviser = Reviser(settings(pause=20, pause_share=0.0, shift=9.0, turn=9.0, regular_share=10.0))
+        found[proven] = []
+        for count in (170, 190, 210):
+            reviser.errors.proven = 1.0, proven
+            smoother = Scripted(scans, poses[:count], reviser)
+            smoother._odometry[1:] = geometry.between(truth[: count - 1], truth[1:count])
+            reviser.revise(smoother, poses[:count])
+            found[proven] += [count] if smoother.asked else []
+    assert found == {1.0: [170], 0.1: [170, 190]}
 
 
 def test_a_revision_has_to_wait_for_the_pause(scans: ScanStore, truth: Array) -> None:

@@ -301,14 +301,14 @@ def test_the_scale_is_the_same_from_matches_that_the_graph_has_as_from_its_own(b
 
 
 def test_good_odometry_proves_right_and_is_held_once_matches_were_wrong(block: Array) -> None:
-    """Exact odometry: its noise is as small as it may be, in both; its heading is held only once it has to be."""
+    """Exact odometry: all there is is the scans' noise, less in heading; that is held only once it has to be."""
     truth = around()
     scans = scans_from(block, truth, np.random.default_rng(5))
     smoother = Smoother(scans, steps_of(truth), found(truth), GraphConfig())
     errors = smoother.learn_errors(truth)
-    assert (errors.proven, errors.held) == ((0.1, 0.1), 1.0)
+    assert 0.02 < errors.proven[0] < 0.05 and (errors.proven[1], errors.held) == (0.02, 1.0)
     smoother.misled = True
-    assert smoother.learn_errors(truth).held == 0.1
+    assert smoother.learn_errors(truth).held == 0.02
     rough = steps_of(truth) + np.random.default_rng(6).normal(0, 0.02, (len(truth), 3))
     assert Smoother(scans, rough, found(truth), GraphConfig()).learn_errors(truth).proven == (1.0, 1.0)
 
