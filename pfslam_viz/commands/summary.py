@@ -112,6 +112,9 @@ def _run(result: Result, seconds: float, log_seconds: float) -> Iterator[tuple[s
     yield "resampled", f"after {result.resamplings:,} of {n:,} scans"
     if result.kept is not None:
         yield "kept", _kept(result.kept)
+        if doubted := result.kept.doubted:
+            scans = f"scan {doubted[0]:,}" if len(doubted) == 1 else f"{len(doubted):,} scans, first at {doubted[0]:,}"
+            yield "doubtful", f"at {scans}: odometry that is right elsewhere says otherwise, one of the two is wrong"
     if result.camera is not None:
         yield "camera", result.camera.text
     if result.texture is not None and result.texture.tilted:

@@ -72,11 +72,13 @@ class Kept:
     scans that no fit had matched; ``sigmas`` is that over its standard error. The settled one is kept if the scans
     speak for it by as many as the settings ask for, else the ``online`` one; where that contradicts odometry that has
     proven right more often, the settled one is kept unless they speak against it clearly.
+    ``doubted`` are the scans at which what was kept still contradicts it: one of the two is wrong there.
     """
 
     trajectory: Literal["settled", "online"]
     gain: float
     sigmas: float
+    doubted: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

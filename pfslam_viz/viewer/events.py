@@ -20,7 +20,7 @@ MOST_GAPS = 10  # of a sensor, the longest
 FLICKER = 10  # times as many scans without something end it as begin it
 TOGETHER = 1.0  # s: sensors that fall silent no further apart are told as one
 TELLING = 0.1  # m: a revision that moves the trajectory by more is an event, by less a detail
-SAME_SCANS = 10  # loops whose later scans are no further apart are told as one
+SAME_SCANS = 10  # loops whose later scans are no further apart, and doubts, are told as one
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +113,11 @@ class Chronicle:
             yield Event(last.index, last.time, EVENT, text)
         if result.kept is not None and result.kept.trajectory == "online":
             yield Event(last.index, last.time, EVENT, "run's trajectory kept")
+        told = []
+        for scan in result.kept.doubted if result.kept is not None else ():
+            if not told or scan - told[-1] > SAME_SCANS:
+                told.append(scan)
+                yield Event(scan, float(times[scan]), DOUBT, "against good odometry")
         if painted_anew:
             yield Event(last.index, last.time, EVENT, "texture painted anew")
 

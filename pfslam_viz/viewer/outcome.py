@@ -65,6 +65,8 @@ def _rows(result: Result) -> Iterator[Row]:
     yield "loops closed", f"{len(result.closures):,}", ""
     if result.kept is not None:
         yield "kept", f"{result.kept.trajectory} trajectory ({result.kept.sigmas:+.1f} sigmas)", ""
+        if doubted := result.kept.doubted:
+            yield "against odometry that is right elsewhere", f"at {len(doubted):,} of the key scans", ""
 
 
 def _error(meters: float, degrees: float) -> str:

@@ -45,5 +45,14 @@ def test_which_trajectory_was_kept_is_said(kept: Kept | None, row: str | None, r
     console = Console(file=io.StringIO(), width=120)
     console.print(summary(replace(result, kept=kept), 1.0))
     assert isinstance(console.file, io.StringIO)
-    lines = [" ".join(line.split()) for line in console.file.getvalue().splitlines() if line.startswith("kept")]
-    assert lines == ([] if row is None else [row])
+    lines = [" ".join(line.split()) for line in console.file.getvalue().splitlines()]
+    assert [line for line in lines if line.startswith(("kept", "doubtful"))] == ([] if row is None else [row])
+
+
+@pytest.mark.parametrize(("doubted", "where"), [((1105,), "scan 1,105"), ((2, 40, 1105), "3 scans, first at 2")])
+def test_where_good_odometry_says_otherwise_is_said(doubted: tuple[int, ...], where: str, result: Result) -> None:
+    console = Console(file=io.StringIO(), width=120)
+    console.print(summary(replace(result, kept=Kept("settled", 0.02, 5.2, doubted)), 1.0))
+    assert isinstance(console.file, io.StringIO)
+    text = " ".join(console.file.getvalue().split())
+    assert f"doubtful at {where}: odometry that is right elsewhere says otherwise, one of the two is wrong" in text

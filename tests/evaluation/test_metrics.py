@@ -69,10 +69,10 @@ def test_numbers_by_hand() -> None:
 
 
 def test_which_trajectory_was_kept_and_why() -> None:
-    """Nothing was settled; then the scans speak for what was, by 5.2 sigmas."""
+    """Nothing was settled; then the scans speak for what was, by 5.2 sigmas; good odometry contradicts it at scan 7."""
     assert metrics(make_result())["kept"] is None
-    kept = metrics(replace(make_result(), kept=Kept("settled", 0.013, 5.2)))["kept"]
-    assert kept == {"trajectory": "settled", "gain": 0.013, "sigmas": 5.2}
+    kept = metrics(replace(make_result(), kept=Kept("settled", 0.013, 5.2, (7,))))["kept"]
+    assert kept == {"trajectory": "settled", "gain": 0.013, "sigmas": 5.2, "doubted": [7]}
 
 
 def test_speed() -> None:

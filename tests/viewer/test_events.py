@@ -61,7 +61,7 @@ def test_the_end_tells_loops_hindsight_and_what_was_kept(corridor: "Corridor") -
     steps = list(corridor.steps())
     zero = np.zeros(2)
     closures = tuple(LoopClosure(earlier, later, zero, zero) for earlier, later in ((1, 30), (2, 33), (5, 50)))
-    result = replace(corridor.result(steps), closures=closures, kept=Kept("online", 0.0, 0.2))
+    result = replace(corridor.result(steps), closures=closures, kept=Kept("online", 0.0, 0.2, (20, 29, 31)))
     chronicle = Chronicle(corridor.recording, corridor.config)
     told(chronicle, steps)
     found = list(chronicle.finish(result, painted_anew=True))
@@ -70,6 +70,8 @@ def test_the_end_tells_loops_hindsight_and_what_was_kept(corridor: "Corridor") -
         (50, "INFO", "loop closed with scan 5"),
         (59, "INFO", "hindsight"),
         (59, "INFO", "run's trajectory kept"),
+        (20, "WARN", "against good odometry"),
+        (31, "WARN", "against good odometry"),
         (59, "INFO", "texture painted anew"),
     ]
     assert found[0].seconds == pytest.approx(7.5)

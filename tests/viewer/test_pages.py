@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pfslam_viz import geometry
+from pfslam_viz.slam.protocol import Kept
 from pfslam_viz.viewer.colors import RUNS
 from pfslam_viz.viewer.pages import about_page, filter_legend_page, help_page, legend_page
 
@@ -35,7 +36,7 @@ def test_the_about_page_tells_recording_configuration_and_versions(corridor: "Co
 
 
 def test_the_about_page_tells_what_came_of_the_run(corridor: "Corridor") -> None:
-    result = corridor.result(list(corridor.steps()))
+    result = replace(corridor.result(list(corridor.steps())), kept=Kept("settled", 0.02, 5.24, (20, 31)))
     assert result.truth is not None
     page = about_page(corridor.recording, [corridor.config], (), {"filter": result})
     moved = [
@@ -49,6 +50,8 @@ def test_the_about_page_tells_what_came_of_the_run(corridor: "Corridor") -> None
     gap = np.hypot(*(result.estimate[-1] - result.estimate[0])[:2])
     assert f"{gap:.2f} m" in rows["end-to-start gap"][0]
     assert "after 15 scans" in rows["resampled"][0] and rows["loops closed"][0].strip() == "1"
+    assert rows["kept"][0].strip() == "settled trajectory (+5.2 sigmas)"
+    assert rows["against odometry that is right elsewhere"][0].strip() == "at 2 of the key scans"
     assert "## Result" not in about_page(corridor.recording, [corridor.config])
 
 

@@ -70,6 +70,7 @@ class RaoBlackwellizedFilter(Belief):
         self._drift = DriftCovariance(config.uncertainty)
         self._smoothed: Array | None = None
         self._verdict: Verdict | None = None
+        self._doubted: NDArray[np.bool_] = np.zeros(0, np.bool_)  # steps between key scans at the end
         self._closures: tuple[LoopClosure, ...] = ()
         self._odometry = np.zeros(3)  # since the last key scan
         self._moved = np.zeros(3)  # the same, corrected by matching the scans
@@ -378,6 +379,7 @@ class RaoBlackwellizedFilter(Belief):
             closed = np.concatenate([closed, smoothed.closed])
             self._show_only(TileMaps(1, self._maps.settings))  # the old ones go first
             self._show_only(self._redrawn(smoothed.poses))
+        self._doubted = smoother.doubted(self._key_poses())
         self._closures = tuple(self._closure(int(earlier), int(later)) for earlier, later in closed)
 
     @property
@@ -385,7 +387,9 @@ class RaoBlackwellizedFilter(Belief):
         """Which trajectory is left now that all scans are in, and why; None before, or if nothing was settled."""
         if self._verdict is None:
             return None
-        return Kept("online" if self._smoothed is None else "settled", self._verdict.gain, self._verdict.sigmas)
+        doubted = tuple(self._history.keys[k + 1] for k in np.flatnonzero(self._doubted))
+        gain, sigmas = self._verdict.gain, self._verdict.sigmas
+        return Kept("online" if self._smoothed is None else "settled", gain, sigmas, doubted)
 
     @property
     def settles(self) -> bool:

@@ -197,7 +197,7 @@ def test_a_revision_starts_from_straightened_poses_and_is_judged_as_such(
 def test_going_against_proven_odometry_is_a_reason(scans: ScanStore, truth: Array) -> None:
     """The filter turns by 0.1 rad too far at 175; at 190 that is a reason, and at 210 it was one before."""
     poses = drifted(truth, (0.0, 0.0, 0.1), range(175, 176))
-    found = {}
+    found: dict[float, list[int]] = {}
     for proven in (1.0, 0.1):
         reviser = Reviser(settings(pause=20, pause_share=0.0, shift=9.0, turn=9.0, regular_share=10.0))
         found[proven] = []

@@ -668,6 +668,25 @@ def test_the_settled_trajectory_is_kept_for_the_odometrys_sake_if_the_scans_are_
     assert slam.kept == Kept("settled" if settled else "online", -0.01, -1.5)
 
 
+def test_the_scans_where_good_odometry_contradicts_what_was_kept_are_named(
+    in_the_room: Drive, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The steps to the fourth and to the last key scan, of the poses that are kept."""
+    asked: list[NDArray[np.float64]] = []
+
+    def doubted(self: Smoother, poses: NDArray[np.float64], errors: object = None) -> NDArray[np.bool_]:
+        asked.append(poses)
+        return np.isin(np.arange(len(poses) - 1), [2, len(poses) - 2])
+
+    slam = RaoBlackwellizedFilter(config())
+    run(slam, Drive(in_the_room.truth[:90], in_the_room.odometry[:90], in_the_room.scans[:90]))
+    monkeypatch.setattr(Smoother, "doubted", doubted)
+    slam.finish()
+    keys = slam._history.keys
+    assert slam.kept is not None and slam.kept.doubted == (keys[3], keys[-1]) and keys[3] > 3
+    np.testing.assert_array_equal(asked[-1], slam._key_poses())
+
+
 def test_what_revisions_found_of_the_matches_is_known_at_the_end() -> None:
     slam = RaoBlackwellizedFilter(config())
     for misled in (False, True):
