@@ -91,9 +91,9 @@ def test_how_far_it_drove_is_asked_along_its_way() -> None:
 @pytest.mark.parametrize(
     ("turn", "settings", "expected"),
     [
-        (0.11, {}, True),  # over 10 · 0.2 · 0.05 = 0.1 rad
+        (0.11, {}, True),  # over 5 · 0.4 · 0.05 = 0.1 rad
         (0.09, {}, False),
-        (0.09, {"doubt": 8.0}, True),
+        (0.09, {"doubt": 3.0}, True),
         (0.11, {"doubt_angle": 0.12}, False),
         (-0.11, {}, True),
     ],
@@ -102,23 +102,23 @@ def test_a_turn_is_doubted_if_proven_odometry_cannot_err_so(
     turn: float, settings: dict[str, float], expected: bool
 ) -> None:
     poses = off_by(heading_errors(np.where(np.arange(120) == 7, turn, 0.0)))
-    found = doubted(poses, STEPS, DEVIATION, (1.0, 0.2), config(**settings))
+    found = doubted(poses, STEPS, DEVIATION, (1.0, 0.4), config(**settings))
     assert np.flatnonzero(found).tolist() == ([7] if expected else [])
-    unproven = (0.2, 1.0)
+    unproven = (0.4, 1.0)
     assert not doubted(poses, STEPS, DEVIATION, unproven, config(**settings)).any()
 
 
 @pytest.mark.parametrize(
     ("far", "settings", "expected"),
-    [(0.16, {}, True), (0.14, {}, False), (0.14, {"doubt_distance": 0.12}, True), (0.16, {"doubt": 20.0}, False)],
+    [(0.16, {}, True), (0.14, {}, False), (0.14, {"doubt_distance": 0.12}, True), (0.16, {"doubt": 9.0}, False)],
 )
 def test_a_step_is_doubted_if_proven_odometry_cannot_err_so(
     far: float, settings: dict[str, float], expected: bool
 ) -> None:
-    """10 · 0.1 · 0.1 = 0.1 m, but at least 0.15."""
+    """5 · 0.2 · 0.1 = 0.1 m, but at least 0.15."""
     errors = np.zeros((120, 3))
     errors[7, :2] = 0.6 * far, 0.8 * far
-    found = doubted(off_by(errors), STEPS, DEVIATION, (0.1, 1.0), config(**settings))
+    found = doubted(off_by(errors), STEPS, DEVIATION, (0.2, 1.0), config(**settings))
     assert np.flatnonzero(found).tolist() == ([7] if expected else [])
     assert not doubted(off_by(errors), STEPS, DEVIATION, (1.0, 0.2), config(**settings)).any()
 
