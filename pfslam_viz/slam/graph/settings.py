@@ -121,7 +121,7 @@ class OdometryConfig(Section):
         5.0, "proven odometry's standard deviations beyond which a step of the trajectory is doubted ...", gt=0
     )
     doubt_distance: float = setting(0.15, "... if it is at least so far off ...", "m", ge=0)
-    doubt_angle: float = setting(0.05, "... or so much", "rad", ge=0)
+    doubt_angle: float = setting(0.03, "... or so much", "rad", ge=0)
     overruled: float = setting(
         2.0, "standard errors from which the scans' word for such steps counts more than proven odometry's", ge=0
     )

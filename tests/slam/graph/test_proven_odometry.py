@@ -91,20 +91,20 @@ def test_how_far_it_drove_is_asked_along_its_way() -> None:
 @pytest.mark.parametrize(
     ("turn", "settings", "expected"),
     [
-        (0.11, {}, True),  # over 5 · 0.4 · 0.05 = 0.1 rad
-        (0.09, {}, False),
-        (0.09, {"doubt": 3.0}, True),
-        (0.11, {"doubt_angle": 0.12}, False),
-        (-0.11, {}, True),
+        (0.06, {}, True),  # over 5 · 0.2 · 0.05 = 0.05 rad
+        (0.04, {}, False),
+        (0.04, {"doubt": 3.0}, True),
+        (0.06, {"doubt_angle": 0.07}, False),
+        (-0.06, {}, True),
     ],
 )
 def test_a_turn_is_doubted_if_proven_odometry_cannot_err_so(
     turn: float, settings: dict[str, float], expected: bool
 ) -> None:
     poses = off_by(heading_errors(np.where(np.arange(120) == 7, turn, 0.0)))
-    found = doubted(poses, STEPS, DEVIATION, (1.0, 0.4), config(**settings))
+    found = doubted(poses, STEPS, DEVIATION, (1.0, 0.2), config(**settings))
     assert np.flatnonzero(found).tolist() == ([7] if expected else [])
-    unproven = (0.4, 1.0)
+    unproven = (0.2, 1.0)
     assert not doubted(poses, STEPS, DEVIATION, unproven, config(**settings)).any()
 
 
