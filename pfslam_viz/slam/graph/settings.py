@@ -104,7 +104,7 @@ class OdometryConfig(Section):
     scale_motions: int = setting(20, "motions that have to tell it", ge=1)
     largest_scale: float = setting(1.25, "a scale above this, or below its inverse, is not believed", gt=1)
     proven: float = setting(
-        0.25,
+        0.2,
         "times the noise in the settings under which odometry is proven, over spans of one key scan to ...",
         ge=0,
         le=1,
