@@ -83,3 +83,9 @@ def doubted(
     turned = np.abs(missed[:, 2]) > np.maximum(config.doubt * of_angle * deviation[:, 2], config.doubt_angle)
     doubtful: NDArray[np.bool_] = (far & (of_distance < 1.0)) | (turned & (of_angle < 1.0))
     return doubtful
+
+
+def laid_out(poses: Array, steps: Array, proven: tuple[float, float]) -> Array:
+    """Key ``poses`` (k, 3) as odometry ``steps`` (k - 1, 3) lead; with their own headings if not proven."""
+    headings = poses[1:, 2] - poses[:-1, 2] if proven[1] == 1.0 else steps[:, 2]
+    return geometry.accumulate(np.vstack([poses[:1], np.column_stack([steps[:, :2], headings])]))

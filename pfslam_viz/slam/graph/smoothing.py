@@ -15,7 +15,7 @@ from pfslam_viz.slam.graph.filter_constraints import filter_constraints, heading
 from pfslam_viz.slam.graph.loop_closing import confirmed, find_loops
 from pfslam_viz.slam.graph.odometry_errors import OdometryErrors
 from pfslam_viz.slam.graph.pose_graph import Constraints, optimize, residuals, turned, weights
-from pfslam_viz.slam.graph.proven_odometry import doubted, prove
+from pfslam_viz.slam.graph.proven_odometry import doubted, laid_out, prove
 from pfslam_viz.slam.graph.scan_store import ScanStore, trusted
 from pfslam_viz.slam.graph.settings import GraphConfig, SmoothingConfig
 from pfslam_viz.slam.graph.sliding import hold_along
@@ -198,13 +198,13 @@ class Smoother:
     def straighten(self, poses: Array) -> Array:
         """Key poses (k, 3) led by odometry that has proven right, if a step of these contradicts it.
 
-        They are laid out as it says and matched anew from there, with its heading held. Unless the scans say that
-        these are better.
+        They are laid out as it says and matched anew from there, with its heading held if that is proven. Unless the
+        scans say that these are better.
         """
         if not self.doubted(poses).any():
             return poses
         held, self.errors.held = self.errors.held, self.errors.proven[1]
-        other = geometry.accumulate(np.vstack([poses[:1], self._steps(self.errors.scale)]))
+        other = laid_out(poses, self._steps(self.errors.scale), self.errors.proven)
         for gates in (self.config.first_gates, self.config.gates):
             other, _ = self.relax(other, np.array(gates))
         if compare(self.scans, other, poses, self._settings.evidence).sigmas < -self._settings.odometry.overruled:

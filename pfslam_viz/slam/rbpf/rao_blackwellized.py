@@ -172,7 +172,8 @@ class RaoBlackwellizedFilter(Belief):
         position, heading = s.noise_distance * self._driven, s.noise_angle * self._turned + s.noise_drift * self._driven
         deviation = np.array([position, position, heading])
         deviation += self._unknown * np.array([s.unknown_speed, s.unknown_speed, s.unknown_turn])
-        turning = min(self._errors.angle, self._reviser.errors.held)
+        held = self._reviser.errors.held
+        turning = min(self._errors.angle, held) if held < 1.0 else self._errors.angle
         known = least + deviation * np.array([self._errors.distance, self._errors.distance, turning])
         prior = known**-2
         found = self._best_match(np.minimum(prior / s.scan_prior**2, s.scan_loosest**-2.0))

@@ -12,7 +12,7 @@ from pfslam_viz.slam.graph.drift import joint_deviations
 from pfslam_viz.slam.graph.evidence import Verdict
 from pfslam_viz.slam.graph.odometry_errors import OdometryErrors
 from pfslam_viz.slam.graph.pose_graph import Constraints
-from pfslam_viz.slam.graph.proven_odometry import doubted, greatest_multiple, prove
+from pfslam_viz.slam.graph.proven_odometry import doubted, greatest_multiple, laid_out, prove
 from pfslam_viz.slam.graph.scan_store import ScanStore
 from pfslam_viz.slam.graph.settings import GraphConfig, OdometryConfig, ScanMatchingConfig, SmoothingConfig
 from pfslam_viz.slam.graph.smoothing import Smoother, odometry_constraints
@@ -121,6 +121,15 @@ def test_a_step_is_doubted_if_proven_odometry_cannot_err_so(
     found = doubted(off_by(errors), STEPS, DEVIATION, (0.2, 1.0), config(**settings))
     assert np.flatnonzero(found).tolist() == ([7] if expected else [])
     assert not doubted(off_by(errors), STEPS, DEVIATION, (1.0, 0.2), config(**settings)).any()
+
+
+def test_poses_are_laid_out_as_the_odometry_says_but_for_headings_that_are_not_proven() -> None:
+    poses = geometry.accumulate(np.array([[1.0, 2.0, 0.0], [9.0, 9.0, math.pi / 2], [9.0, 0.0, 0.0]]))
+    steps = np.array([[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
+    straight = [[1.0, 2.0, 0.0], [2.0, 2.0, 0.0], [4.0, 2.0, 0.0]]
+    np.testing.assert_allclose(laid_out(poses, steps, (1.0, 0.1)), straight, atol=1e-12)
+    turned = [[1.0, 2.0, 0.0], [2.0, 2.0, math.pi / 2], [2.0, 4.0, math.pi / 2]]
+    np.testing.assert_allclose(laid_out(poses, steps, (0.1, 1.0)), turned, atol=1e-12)
 
 
 def test_a_proven_heading_is_held_where_scans_match_and_the_position_is_not() -> None:

@@ -694,13 +694,15 @@ def test_what_revisions_found_of_the_matches_is_known_at_the_end() -> None:
         assert slam._smoother(slam.config).misled == misled
 
 
-@pytest.mark.parametrize(("held", "turn"), [(1.0, 0.8), (0.3, 0.3)])
-def test_a_heading_that_is_held_is_trusted_by_the_filter_too(in_the_room: Drive, held: float, turn: float) -> None:
-    """0.1 rad turned at 0.3 rad of noise each, 0.8 times that as learned, or less where it is held: and 2 mrad."""
+@pytest.mark.parametrize(("learned", "held", "turn"), [(0.8, 1.0, 0.8), (1.2, 1.0, 1.2), (0.8, 0.3, 0.3)])
+def test_a_heading_that_is_held_is_trusted_by_the_filter_too(
+    in_the_room: Drive, learned: float, held: float, turn: float
+) -> None:
+    """0.1 rad turned at 0.3 rad of noise each, so many times that as learned, or less where it is held: and 2 mrad."""
     slam = RaoBlackwellizedFilter(config(rao_blackwellized=RaoBlackwellizedConfig(noise_angle=0.3)))
     for scan in (in_the_room.scans[0], in_the_room.scans[0]):
         slam._remember(scan)
-    slam._errors.angle, slam._turned = 0.8, 0.1
+    slam._errors.angle, slam._turned = learned, 0.1
     slam._reviser.errors.held = held
     assert slam._match_last().odometry[2, 2] == pytest.approx((0.002 + 0.03 * turn) ** -2)
 
