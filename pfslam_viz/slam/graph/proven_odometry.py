@@ -8,16 +8,19 @@ wrong turns of the trajectory itself are in most of the long ones.
 
 Such odometry tells where scans were matched wrongly (people who walk along, a hall of which hardly a wall is in view):
 a step of the trajectory that contradicts it by far. Matching the same scans again from there finds the same again, so
-the whole trajectory is laid out anew as the odometry says. From then on its heading is held between matches, too: where
-matches are right, it is left loose there, because a bias of the gyro would bend what the scans know.
+the whole trajectory is laid out anew as the odometry says, except where the scans about such a step clearly show that
+it is the odometry that slipped. From then on its heading is held between matches, too: where matches are right, it is
+left loose there, because a bias of the gyro would bend what the scans know.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
+from pfslam_viz.slam.graph.evidence import agreement_of
 from pfslam_viz.slam.graph.odometry_errors import NORMAL
-from pfslam_viz.slam.graph.settings import OdometryConfig
+from pfslam_viz.slam.graph.scan_store import ScanStore
+from pfslam_viz.slam.graph.settings import EvidenceConfig, OdometryConfig
 
 Array = NDArray[np.float64]
 
@@ -69,7 +72,7 @@ def missed_by(poses: Array, steps: Array) -> Array:
     return missed
 
 
-def doubted(
+def contradicting(
     poses: Array, steps: Array, deviation: Array, proven: tuple[float, float], config: OdometryConfig
 ) -> NDArray[np.bool_]:
     """Which steps (k - 1,) of the key ``poses`` (k, 3) contradict odometry that is ``proven``, as by :func:`prove`.
@@ -81,11 +84,42 @@ def doubted(
     moved = np.hypot(missed[:, 0], missed[:, 1])
     far = moved > np.maximum(config.doubt * of_distance * deviation[:, 0], config.doubt_distance)
     turned = np.abs(missed[:, 2]) > np.maximum(config.doubt * of_angle * deviation[:, 2], config.doubt_angle)
-    doubtful: NDArray[np.bool_] = (far & (of_distance < 1.0)) | (turned & (of_angle < 1.0))
-    return doubtful
+    contradicts: NDArray[np.bool_] = (far & (of_distance < 1.0)) | (turned & (of_angle < 1.0))
+    return contradicts
 
 
-def laid_out(poses: Array, steps: Array, proven: tuple[float, float]) -> Array:
-    """Key ``poses`` (k, 3) as odometry ``steps`` (k - 1, 3) lead; with their own headings if not proven."""
-    headings = poses[1:, 2] - poses[:-1, 2] if proven[1] == 1.0 else steps[:, 2]
-    return geometry.accumulate(np.vstack([poses[:1], np.column_stack([steps[:, :2], headings])]))
+def refuted(
+    scans: ScanStore,
+    poses: Array,
+    steps: Array,
+    joints: NDArray[np.bool_],
+    config: OdometryConfig,
+    evidence: EvidenceConfig,
+) -> NDArray[np.bool_]:
+    """At which of the ``joints`` (k - 1,) the scans clearly put the key ``poses`` (k, 3) right, not the ``steps``.
+
+    Even good wheels slip once. Then the scans before and after agree with the poses as matched, and not at all with
+    the odometry's step between them; where they were matched wrongly, they agree with neither much more.
+    """
+    out = np.zeros(len(joints), np.bool_)
+    for k in np.flatnonzero(joints).tolist():
+        before = np.arange(max(k + 1 - config.doubt_hops, 0), k + 1)
+        after = np.arange(k + 1, min(k + 1 + config.doubt_hops, len(poses)))
+        start, end = (pairs.ravel() for pairs in np.meshgrid(before, after))
+        near = end - start <= config.doubt_hops
+        start, end = start[near], end[near]
+        slid = geometry.compose(geometry.between(poses[start], poses[[k]]), steps[[k]])
+        slid = geometry.compose(slid, geometry.between(poses[[k + 1]], poses[end]))
+        own = agreement_of(scans, start, end, geometry.between(poses[start], poses[end]), evidence)
+        out[k] = np.mean(own - agreement_of(scans, start, end, slid, evidence)) > config.doubt_refuted
+    return out
+
+
+def laid_out(poses: Array, steps: Array, proven: tuple[float, float], slipped: NDArray[np.bool_]) -> Array:
+    """Key ``poses`` (k, 3) as odometry ``steps`` (k - 1, 3) lead, but as they are where it ``slipped`` (k - 1,).
+
+    With their own headings where the odometry's is not proven.
+    """
+    own = geometry.between(poses[:-1], poses[1:])
+    led = steps if proven[1] < 1.0 else np.column_stack([steps[:, :2], own[:, 2]])
+    return geometry.accumulate(np.vstack([poses[:1], np.where(slipped[:, None], own, led)]))

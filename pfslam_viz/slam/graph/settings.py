@@ -122,6 +122,12 @@ class OdometryConfig(Section):
     )
     doubt_distance: float = setting(0.15, "... if it is at least so far off ...", "m", ge=0)
     doubt_angle: float = setting(0.03, "... or so much", "rad", ge=0)
+    doubt_hops: int = setting(4, "key scans this near to either side of such a step, or nearer, are asked ...", ge=1)
+    doubt_refuted: float = setting(
+        0.1,
+        "... and if so much more of their end points agree with it than with the odometry, that slipped there",
+        ge=0,
+    )
     overruled: float = setting(
         2.0, "standard errors from which the scans' word for such steps counts more than proven odometry's", ge=0
     )

@@ -15,7 +15,7 @@ from pfslam_viz.slam.graph.filter_constraints import filter_constraints, heading
 from pfslam_viz.slam.graph.loop_closing import confirmed, find_loops
 from pfslam_viz.slam.graph.odometry_errors import OdometryErrors
 from pfslam_viz.slam.graph.pose_graph import Constraints, optimize, residuals, turned, weights
-from pfslam_viz.slam.graph.proven_odometry import doubted, laid_out, prove
+from pfslam_viz.slam.graph.proven_odometry import contradicting, laid_out, prove, refuted
 from pfslam_viz.slam.graph.scan_store import ScanStore, trusted
 from pfslam_viz.slam.graph.settings import GraphConfig, SmoothingConfig
 from pfslam_viz.slam.graph.sliding import hold_along
@@ -49,6 +49,7 @@ class Smoother:
         self._odometry, self._found = odometry, found
         self._unknown = np.zeros_like(odometry) if unknown is None else unknown
         self.errors = OdometryErrors(config.odometry)  # the odometry's, once they are learned
+        self._slipped = np.zeros(len(found), np.bool_)  # steps at which good odometry did
         self._kept: tuple[bytes, tuple[Constraints, Constraints]] | None = None  # what was matched last
         self.held = False  # whether the filter's headings over long spans are held
         self.misled = False  # whether matches were wrong where proven odometry was right
@@ -135,7 +136,7 @@ class Smoother:
 
     def _motion(self, poses: Array, bridged: NDArray[np.bool_]) -> Constraints:
         """What the odometry says where joints (k - 1,) are ``bridged`` by matches, and where not."""
-        motion = odometry_constraints(self._odometry, self.config, self.errors, bridged, self._unknown)
+        motion = odometry_constraints(self._odometry, self.config, self.errors, bridged, self._unknown, self._slipped)
         return hold_together(poses, motion, self.config.scale)
 
     def choose_held(self, poses: Array, sure: float) -> tuple[Array, float]:
@@ -188,12 +189,20 @@ class Smoother:
         return steps
 
     def doubted(self, poses: Array, errors: OdometryErrors | None = None) -> NDArray[np.bool_]:
-        """Which steps (k - 1,) of the trajectory contradict proven odometry, as learned or as ``errors`` say it is."""
-        errors = errors or self.errors
+        """Which steps (k - 1,) of the trajectory contradict proven odometry, as learned or as ``errors`` say it is.
+
+        But for those at which scans clearly show that it slipped.
+        """
+        doubted, _ = self._contradicting(poses, errors or self.errors)
+        return doubted
+
+    def _contradicting(self, poses: Array, errors: OdometryErrors) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Steps (k - 1,) that contradict proven odometry: those to be doubted, and those at which it slipped."""
+        config, steps = self._settings.odometry, self._steps(errors.scale)
         deviation = odometry_deviation(self._odometry[1:], self.config)
-        steps = self._steps(errors.scale)
-        contradicts = doubted(poses, steps, deviation, errors.proven, self._settings.odometry)
-        return contradicts & ~self._unknown[1:].any(axis=1)
+        joints = contradicting(poses, steps, deviation, errors.proven, config) & ~self._unknown[1:].any(axis=1)
+        slipped = refuted(self.scans, poses, steps, joints, config, self._settings.evidence)
+        return joints & ~slipped, slipped
 
     def straighten(self, poses: Array) -> Array:
         """Key poses (k, 3) led by odometry that has proven right, if a step of these contradicts it.
@@ -201,10 +210,11 @@ class Smoother:
         They are laid out as it says and matched anew from there, with its heading held if that is proven. Unless the
         scans say that these are better.
         """
-        if not self.doubted(poses).any():
+        doubted, self._slipped = self._contradicting(poses, self.errors)
+        if not doubted.any():
             return poses
         held, self.errors.held = self.errors.held, self.errors.proven[1]
-        other = laid_out(poses, self._steps(self.errors.scale), self.errors.proven)
+        other = laid_out(poses, self._steps(self.errors.scale), self.errors.proven, self._slipped)
         for gates in (self.config.first_gates, self.config.gates):
             other, _ = self.relax(other, np.array(gates))
         if compare(self.scans, other, poses, self._settings.evidence).sigmas < -self._settings.odometry.overruled:
@@ -340,13 +350,14 @@ def odometry_constraints(
     errors: OdometryErrors,
     bridged: NDArray[np.bool_],
     unknown: Array | None = None,
+    slipped: NDArray[np.bool_] | None = None,
 ) -> Constraints:
     """The odometry (k, 3) from every key scan to the next: what holds where the scans leave a direction open.
 
     Where no match bridges a joint (k - 1,), the odometry is as firm as it has proven to be, and not robust. Elsewhere
     it is as loose as the settings say: its errors are alike over many steps (a gyro's bias), and must not bend what
     the scans know. Only once matches were found to be wrong, a heading that has proven right over long spans is held
-    there, by a constraint of its own.
+    there, by a constraint of its own, but where it ``slipped`` (k - 1,).
     ``unknown`` (k, 3) m, m, rad is added to the odometry's noise; where there is any, it has not proven anything.
     """
     deviation = odometry_deviation(odometry[1:], config)
@@ -354,8 +365,9 @@ def odometry_constraints(
     guessed = added.max(axis=1, initial=0.0) > 0.0
     loose = bridged | guessed
     deviation *= np.where(loose[:, None], 1.0, [errors.distance, errors.distance, errors.angle])
+    free = guessed if slipped is None else guessed | slipped
     if errors.held < 1.0:
-        deviation[bridged & ~guessed, 2] *= errors.held
+        deviation[bridged & ~free, 2] *= errors.held
     deviation += added
     steps = odometry[1:] * np.where(guessed[:, None], 1.0, [errors.scale, errors.scale, 1.0])
     information = np.zeros((len(steps), 3, 3))
@@ -366,7 +378,7 @@ def odometry_constraints(
     heading = np.zeros_like(information)
     heading[:, 2, 2] = information[:, 2, 2]
     position = Constraints(at, at + 1, steps, information - heading, loose)
-    return Constraints.join([position, Constraints(at, at + 1, steps, heading, guessed)])
+    return Constraints.join([position, Constraints(at, at + 1, steps, heading, free)])
 
 
 def hold_together(poses: Array, motion: Constraints, scale: float) -> Constraints:

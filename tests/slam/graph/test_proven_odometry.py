@@ -7,14 +7,21 @@ import pytest
 from numpy.typing import NDArray
 
 from pfslam_viz import geometry
-from pfslam_viz.slam.graph import smoothing
+from pfslam_viz.simulation.sensors import true_ranges
+from pfslam_viz.slam.graph import proven_odometry, smoothing
 from pfslam_viz.slam.graph.drift import joint_deviations
 from pfslam_viz.slam.graph.evidence import Verdict
 from pfslam_viz.slam.graph.odometry_errors import OdometryErrors
 from pfslam_viz.slam.graph.pose_graph import Constraints
-from pfslam_viz.slam.graph.proven_odometry import doubted, greatest_multiple, laid_out, prove
+from pfslam_viz.slam.graph.proven_odometry import contradicting, greatest_multiple, laid_out, prove, refuted
 from pfslam_viz.slam.graph.scan_store import ScanStore
-from pfslam_viz.slam.graph.settings import GraphConfig, OdometryConfig, ScanMatchingConfig, SmoothingConfig
+from pfslam_viz.slam.graph.settings import (
+    EvidenceConfig,
+    GraphConfig,
+    OdometryConfig,
+    ScanMatchingConfig,
+    SmoothingConfig,
+)
 from pfslam_viz.slam.graph.smoothing import Smoother, odometry_constraints
 
 Array = NDArray[np.float64]
@@ -102,10 +109,10 @@ def test_a_turn_is_doubted_if_proven_odometry_cannot_err_so(
     turn: float, settings: dict[str, float], expected: bool
 ) -> None:
     poses = off_by(heading_errors(np.where(np.arange(120) == 7, turn, 0.0)))
-    found = doubted(poses, STEPS, DEVIATION, (1.0, 0.2), config(**settings))
+    found = contradicting(poses, STEPS, DEVIATION, (1.0, 0.2), config(**settings))
     assert np.flatnonzero(found).tolist() == ([7] if expected else [])
     unproven = (0.2, 1.0)
-    assert not doubted(poses, STEPS, DEVIATION, unproven, config(**settings)).any()
+    assert not contradicting(poses, STEPS, DEVIATION, unproven, config(**settings)).any()
 
 
 @pytest.mark.parametrize(
@@ -118,18 +125,80 @@ def test_a_step_is_doubted_if_proven_odometry_cannot_err_so(
     """5 · 0.2 · 0.1 = 0.1 m, but at least 0.15."""
     errors = np.zeros((120, 3))
     errors[7, :2] = 0.6 * far, 0.8 * far
-    found = doubted(off_by(errors), STEPS, DEVIATION, (0.2, 1.0), config(**settings))
+    found = contradicting(off_by(errors), STEPS, DEVIATION, (0.2, 1.0), config(**settings))
     assert np.flatnonzero(found).tolist() == ([7] if expected else [])
-    assert not doubted(off_by(errors), STEPS, DEVIATION, (1.0, 0.2), config(**settings)).any()
+    assert not contradicting(off_by(errors), STEPS, DEVIATION, (1.0, 0.2), config(**settings)).any()
 
 
-def test_poses_are_laid_out_as_the_odometry_says_but_for_headings_that_are_not_proven() -> None:
+def test_poses_are_laid_out_as_the_odometry_says_but_where_it_slipped_or_is_not_proven() -> None:
     poses = geometry.accumulate(np.array([[1.0, 2.0, 0.0], [9.0, 9.0, math.pi / 2], [9.0, 0.0, 0.0]]))
     steps = np.array([[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
+    never = np.zeros(2, np.bool_)
     straight = [[1.0, 2.0, 0.0], [2.0, 2.0, 0.0], [4.0, 2.0, 0.0]]
-    np.testing.assert_allclose(laid_out(poses, steps, (1.0, 0.1)), straight, atol=1e-12)
+    np.testing.assert_allclose(laid_out(poses, steps, (1.0, 0.1), never), straight, atol=1e-12)
     turned = [[1.0, 2.0, 0.0], [2.0, 2.0, math.pi / 2], [2.0, 4.0, math.pi / 2]]
-    np.testing.assert_allclose(laid_out(poses, steps, (0.1, 1.0)), turned, atol=1e-12)
+    np.testing.assert_allclose(laid_out(poses, steps, (0.1, 1.0), never), turned, atol=1e-12)
+    slipped = [[1.0, 2.0, 0.0], [2.0, 2.0, 0.0], [11.0, 2.0, 0.0]]
+    np.testing.assert_allclose(laid_out(poses, steps, (1.0, 0.1), np.array([False, True])), slipped, atol=1e-12)
+
+
+def test_scans_show_that_the_odometry_slipped_or_that_they_were_matched_wrongly() -> None:
+    """Nine key scans in a room; 0.15 rad at the fifth step, once in the odometry and once in the poses."""
+    room = np.array([(-3.0, -3, 9, -3), (9, -3, 9, 4), (9, 4, -3, 4), (-3, 4, -3, -3), (2, 1, 4, 1), (4, 1, 4, 4)])
+    right = np.tile([0.2, 0.0, 0.0], (8, 1))
+    bent = right + np.array([0.0, 0.0, 0.15]) * (np.arange(8) == 4)[:, None]
+    truth, wrong = (geometry.accumulate(np.vstack([np.zeros(3), steps])) for steps in (right, bent))
+    scans, angles = ScanStore(np.zeros(2), ScanMatchingConfig()), np.linspace(-2.3, 2.3, 361)
+    for ranges in true_ranges(room, truth, angles)[0]:
+        scans.add(np.stack([ranges * np.cos(angles), ranges * np.sin(angles)], axis=-1))
+    joints, evidence = np.arange(8) == 4, EvidenceConfig()
+    assert np.flatnonzero(refuted(scans, truth, bent, joints, config(), evidence)).tolist() == [4]
+    assert not refuted(scans, wrong, right, joints, config(), evidence).any()
+    assert not refuted(scans, truth, bent, ~joints, config(), evidence).any()  # it is not asked there
+    assert not refuted(scans, truth, bent, joints, config(doubt_refuted=1.5), evidence).any()
+
+
+@pytest.mark.parametrize(
+    ("hops", "pairs"), [(1, [(4, 5)]), (2, [(3, 5), (4, 5), (4, 6)]), (4, [*range(10)])], ids=["1", "2", "4"]
+)
+def test_the_scans_about_a_doubted_step_are_asked(
+    hops: int, pairs: list[tuple[int, int]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those from before it with those after it; 4 + 3 + 2 + 1 of them within four key scans."""
+    asked: list[list[tuple[int, int]]] = []
+
+    def agreement_of(scans: object, start: Array, end: Array, increments: Array, rules: object) -> Array:
+        asked.append(sorted(zip(start.tolist(), end.tolist(), strict=True)))
+        return np.zeros(len(start))
+
+    monkeypatch.setattr(proven_odometry, "agreement_of", agreement_of)
+    scans = ScanStore(np.zeros(2), ScanMatchingConfig())
+    joints = np.arange(120) == 4
+    refuted(scans, off_by(np.zeros((120, 3))), STEPS, joints, config(doubt_hops=hops), EvidenceConfig())
+    assert asked[0] == asked[1] and len(asked[0]) == len(pairs)
+    assert hops == 4 or asked[0] == pairs
+
+
+def test_where_it_slipped_good_odometry_neither_leads_nor_is_held(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two steps of the trajectory contradict it; scans show that the first of them was right."""
+    smoother = smoother_with(monkeypatch, 0.0)
+    at = np.arange(120)
+    monkeypatch.setattr(smoothing, "refuted", lambda scans, poses, steps, joints, *_: joints & (at == 7))
+    bent = off_by(heading_errors(np.where(at == 7, 0.3, np.where(at == 20, 0.2, 0.0))))
+    assert np.flatnonzero(smoother.doubted(bent)).tolist() == [20]
+    led: list[Array] = []
+
+    def relax(poses: Array, gates: Array) -> tuple[Array, float]:
+        led.append(poses)
+        return poses, 1.0
+
+    monkeypatch.setattr(smoother, "relax", relax)
+    smoother.straighten(bent)
+    np.testing.assert_allclose(led[0], off_by(heading_errors(np.where(at == 7, 0.3, 0.0))), atol=1e-9)
+    motion = smoother._motion(led[0], np.ones(120, np.bool_))
+    assert np.flatnonzero(motion.robust[120:]).tolist() == [7]  # the headings
+    deviation = motion.information[120:, 2, 2] ** -0.5
+    assert deviation[7] == pytest.approx(10.0 * deviation[6])
 
 
 def test_a_proven_heading_is_held_where_scans_match_and_the_position_is_not() -> None:
