@@ -107,6 +107,7 @@ def main(arguments: list[str]) -> None:
         action="store_true",
         help="odometry that is nearly right, made of the truth where it is known",
     )
+    parser.add_argument("--slips", type=int, default=0, help="turns of 0.05 to 0.25 rad that it errs by")
     parser.add_argument("--set", action="append", default=[], help="section.key=value on top of the default")
     parser.add_argument("--json", type=Path, help="write every number into this file")
     given = parser.parse_args(arguments)
@@ -128,7 +129,7 @@ def main(arguments: list[str]) -> None:
                 print(f"{entry.label}: not in {given.data}", file=sys.stderr)
                 continue
             if given.good_odometry:
-                recording = with_good_odometry(recording)
+                recording = with_good_odometry(recording, given.slips)
             outcomes = [run(recording, config, seed) for seed in range(given.seeds)]
             print(row(entry.label, outcomes), flush=True)
             numbers[entry.label] = [vars(outcome) for outcome in outcomes]
@@ -155,8 +156,11 @@ def load(entry: Entry, data: Path, scratch: Path) -> Recording | None:
     return recording
 
 
-def with_good_odometry(recording: Recording) -> Recording:
-    """The same with the true motions as odometry, off by 0.5 % of the way, 0.2 % of a turn and 0.6 mrad per √m."""
+def with_good_odometry(recording: Recording, slips: int = 0) -> Recording:
+    """The same with the true motions as odometry, off by 0.5 % of the way, 0.2 % of a turn and 0.6 mrad per √m.
+
+    And by 0.05 to 0.25 rad at so many scans, where wheels are taken to have slipped.
+    """
     if recording.truth is None:
         return recording
     rng = np.random.default_rng(7)
@@ -165,6 +169,9 @@ def with_good_odometry(recording: Recording) -> Recording:
     driven = np.hypot(steps[:, 0], steps[:, 1])
     steps[:, :2] *= rng.normal(1.0, 0.005, len(steps))[:, None]
     steps[:, 2] += rng.standard_normal(len(steps)) * (0.002 * np.abs(steps[:, 2]) + 0.0006 * np.sqrt(driven))
+    moving = np.flatnonzero(driven > 1e-4)
+    slipped = rng.choice(moving, slips, replace=False)
+    steps[slipped, 2] += rng.choice([-1.0, 1.0], slips) * rng.uniform(0.05, 0.25, slips)
     return replace(recording, odometry=steps, odometry_known=None)
 
 
