@@ -17,6 +17,7 @@ from pfslam_viz.errors import InputError, PfslamError
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS, errno.ESTALE)
 """What a disk answers that takes no more."""
 _ROOM = 1 << 14  # bytes
+_TRIES = 10  # to make a folder and a file in it, while others remove theirs
 
 
 @contextmanager
@@ -33,11 +34,7 @@ def replaced(path: Path) -> Iterator[Path]:
     path = _file(path)
     made = missing_folders(path)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        for part in stale_parts(path):
-            if not part.is_dir():
-                part.unlink(missing_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=f".part{path.suffix}", dir=path.parent)
+        handle, name = _part_beside(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from None
     temporary = Path(name)
@@ -59,6 +56,21 @@ def replaced(path: Path) -> Iterator[Path]:
                 for folder in made:
                     folder.rmdir()
             raise
+
+
+def _part_beside(path: Path) -> tuple[int, str]:
+    """Handle and name of a new temporary file beside ``path``, in a folder that is made if need be."""
+    for tries_left in reversed(range(_TRIES)):
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            for part in stale_parts(path):
+                if not part.is_dir():
+                    part.unlink(missing_ok=True)
+            return tempfile.mkstemp(prefix=f".{path.name}.", suffix=f".part{path.suffix}", dir=path.parent)
+        except FileNotFoundError:  # another thread, to whom nothing came, removed the folder in between
+            if tries_left == 0:
+                raise
+    raise AssertionError("not reached")
 
 
 @contextmanager

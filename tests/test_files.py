@@ -4,6 +4,7 @@ import errno
 import os
 import stat
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -44,6 +45,30 @@ def test_the_file_has_the_users_permissions(tmp_path: Path) -> None:
     finally:
         os.umask(before)
     assert stat.S_IMODE((tmp_path / "out").stat().st_mode) == 0o640
+
+
+@pytest.mark.parametrize(("times", "made"), [(1, True), (9, True), (10, False)])
+def test_a_folder_that_another_thread_removes_in_between_is_made_again(
+    times: int, made: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where several files are fetched into one new folder, and the first of them is not there."""
+    mkstemp, calls = tempfile.mkstemp, list[Path]()
+
+    def removed_before(prefix: str, suffix: str, dir: Path) -> tuple[int, str]:
+        calls.append(dir)
+        if len(calls) <= times:
+            dir.rmdir()
+        return mkstemp(prefix=prefix, suffix=suffix, dir=dir)
+
+    monkeypatch.setattr(tempfile, "mkstemp", removed_before)
+    path = tmp_path / "new" / "out.npz"
+    if made:
+        with replaced(path) as temporary:
+            temporary.write_text("all")
+        assert path.read_text() == "all"
+    else:
+        with pytest.raises(InputError, match="cannot be written: No such file"), replaced(path):
+            pass
 
 
 def test_a_file_in_the_way_of_the_folder(tmp_path: Path) -> None:
