@@ -4,7 +4,7 @@ The list beside the maps is narrow, and breaks no lines. What lasts (an open cor
 where it begins, and how long it was where it ends.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -97,14 +97,10 @@ class Chronicle:
         if self._last is None:
             return
         last, times = self._last, result.stamps - self._recording.stamps[0]
-        told: list[int] = []
-        for closure in sorted(result.closures, key=lambda c: c.later):
-            if closure.later in self._told:
-                continue  # it was closed on the way
-            if not told or closure.later - told[-1] > SAME_SCANS:
-                told.append(closure.later)
-                text = f"loop closed with scan {closure.earlier:,}"
-                yield Event(closure.later, float(times[closure.later]), EVENT, text, closes_loop=True)
+        late = {c.later: c.earlier for c in reversed(result.closures) if c.later not in self._told}
+        for scan in apart(sorted(late)):  # the others were closed on the way
+            text = f"loop closed with scan {late[scan]:,}"
+            yield Event(scan, float(times[scan]), EVENT, text, closes_loop=True)
         if result.interrupted:
             yield Event(last.index, last.time, DOUBT, "interrupted")
         moved = np.hypot(*(result.estimate - result.online)[:, :2].T)
@@ -113,13 +109,19 @@ class Chronicle:
             yield Event(last.index, last.time, EVENT, text)
         if result.kept is not None and result.kept.trajectory == "online":
             yield Event(last.index, last.time, EVENT, "run's trajectory kept")
-        told = []
-        for scan in result.kept.doubted if result.kept is not None else ():
-            if not told or scan - told[-1] > SAME_SCANS:
-                told.append(scan)
-                yield Event(scan, float(times[scan]), DOUBT, "against good odometry")
+        for scan in apart(result.kept.doubted if result.kept is not None else ()):
+            yield Event(scan, float(times[scan]), DOUBT, "against good odometry")
         if painted_anew:
             yield Event(last.index, last.time, EVENT, "texture painted anew")
+
+
+def apart(scans: Iterable[int]) -> Iterator[int]:
+    """Those of ascending ``scans`` that are further from the last of these than what is told as one."""
+    last: int | None = None
+    for scan in scans:
+        if last is None or scan - last > SAME_SCANS:
+            last = scan
+            yield scan
 
 
 def gaps(recording: Recording) -> Iterator[Event]:

@@ -72,8 +72,7 @@ class Reviser:
         since = n - self._last
         rested = since >= max(c.pause, c.pause_share * n)
         regular = n <= c.early and since >= max(c.pause, c.regular_share * self._last)
-        against = bool(smoother.doubted(poses, self.errors)[max(self._last - 1, 0) :].any())
-        if not loops and not (rested and (off or against)) and not regular:
+        if not loops and not regular and not (rested and (off or self._contradicts(smoother, poses))):
             return None
         smoother.share_walls(poses, self._last)
         self._last = n
@@ -100,6 +99,10 @@ class Reviser:
         self.moved = max(self.moved, moved)
         self.closed = np.concatenate([self.closed, joined])
         return Smoothed(revised, joined)
+
+    def _contradicts(self, smoother: Smoother, poses: Array) -> bool:
+        """Whether the filter went against odometry that had proven right by the last revision since then."""
+        return bool(smoother.doubted(poses, self.errors)[max(self._last - 1, 0) :].any())
 
     def _look(self, scans: ScanStore, poses: Array) -> bool | None:
         """Match the key scans since the last time with their neighbours: whether earlier visits are off.

@@ -356,7 +356,7 @@ def odometry_constraints(
 
     Where no match bridges a joint (k - 1,), the odometry is as firm as it has proven to be, and not robust. Elsewhere
     it is as loose as the settings say: its errors are alike over many steps (a gyro's bias), and must not bend what
-    the scans know. Only once matches were found to be wrong, a heading that has proven right over long spans is held
+    the scans know. Only once matches were found to be wrong, a heading that has proven right is held
     there, by a constraint of its own, but where it ``slipped`` (k - 1,).
     ``unknown`` (k, 3) m, m, rad is added to the odometry's noise; where there is any, it has not proven anything.
     """

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pfslam_viz import geometry
 from pfslam_viz.slam import kernels, resampling
 from pfslam_viz.slam.belief import Belief
-from pfslam_viz.slam.graph.evidence import Verdict, compare
+from pfslam_viz.slam.graph.evidence import compare
 from pfslam_viz.slam.graph.odometry_errors import OdometryErrors
 from pfslam_viz.slam.graph.pose_graph import turned
 from pfslam_viz.slam.graph.revision import Reviser
@@ -69,8 +69,7 @@ class RaoBlackwellizedFilter(Belief):
         self._reviser = Reviser(config)
         self._drift = DriftCovariance(config.uncertainty)
         self._smoothed: Array | None = None
-        self._verdict: Verdict | None = None
-        self._doubted: NDArray[np.bool_] = np.zeros(0, np.bool_)  # steps between key scans at the end
+        self._kept: Kept | None = None
         self._closures: tuple[LoopClosure, ...] = ()
         self._odometry = np.zeros(3)  # since the last key scan
         self._moved = np.zeros(3)  # the same, corrected by matching the scans
@@ -373,24 +372,22 @@ class RaoBlackwellizedFilter(Belief):
             verdict = compare(self._scans, smoothed.poses, other.poses, self.config.evidence, visits_alike=True)
             if verdict.sigmas < self.config.revision.sure_of_doubtful:
                 smoothed = other
-        self._verdict = compare(self._scans, smoothed.poses, before, self.config.evidence, visits_alike=True)
+        verdict = compare(self._scans, smoothed.poses, before, self.config.evidence, visits_alike=True)
         closed = self._reviser.closed
-        if self._verdict.sigmas >= smoother.asked_of(smoothed.poses, before, self.config.evidence.preferred):
+        settled = verdict.sigmas >= smoother.asked_of(smoothed.poses, before, self.config.evidence.preferred)
+        if settled:
             self._smoothed = smoothed.poses
             closed = np.concatenate([closed, smoothed.closed])
             self._show_only(TileMaps(1, self._maps.settings))  # the old ones go first
             self._show_only(self._redrawn(smoothed.poses))
-        self._doubted = smoother.doubted(self._key_poses())
+        doubted = tuple(self._history.keys[k + 1] for k in np.flatnonzero(smoother.doubted(self._key_poses())))
+        self._kept = Kept("settled" if settled else "online", verdict.gain, verdict.sigmas, doubted)
         self._closures = tuple(self._closure(int(earlier), int(later)) for earlier, later in closed)
 
     @property
     def kept(self) -> Kept | None:
         """Which trajectory is left now that all scans are in, and why; None before, or if nothing was settled."""
-        if self._verdict is None:
-            return None
-        doubted = tuple(self._history.keys[k + 1] for k in np.flatnonzero(self._doubted))
-        gain, sigmas = self._verdict.gain, self._verdict.sigmas
-        return Kept("online" if self._smoothed is None else "settled", gain, sigmas, doubted)
+        return self._kept
 
     @property
     def settles(self) -> bool:
